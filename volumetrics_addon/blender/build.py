@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From a preset and its Scene to a Blender scene of its own, and away again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+
+from ..parameters.preset import Preset
+from ..plan.model import CYCLES, Plan
+from ..scene.model import Box, Scene, Shape, Sun, Volume
+from . import compat, groups, objects, settings
+from .nodes import Tree, socket_of
+
+_COLLECTIONS = ("objects", "meshes", "lights", "cameras", "materials", "node_groups", "worlds", "scenes", "collections", "images")
+
+
+@contextmanager
+def temporary() -> Iterator[None]:
+    """Whatever is made inside is removed at the end: no datablock is left behind."""
+    before = {name: set(getattr(bpy.data, name)) for name in _COLLECTIONS}
+    try:
+        yield
+    finally:
+        made = [block for name in _COLLECTIONS for block in set(getattr(bpy.data, name)) - before[name]]
+        bpy.data.batch_remove(made)
+
+
+def add_volumes(family: str, values: Mapping[str, Any], volumes: tuple[Volume, ...], name: str,
+                collection: bpy.types.Collection) -> list[bpy.types.Object]:
+    result = []
+    for volume in volumes:
+        material = groups.material(family, values, volume.domain, name)
+        domain = objects.body(volume.domain, name, material, collection)
+        domain.display_type = "WIRE" if volume.boundary is None else "TEXTURED"
+        result.append(domain)
+    return result
+
+
+def build(preset: Preset, scene: Scene, plan: Plan) -> bpy.types.Scene:
+    """A Blender scene that shows the preset on its stage, with the plan's settings applied."""
+    result = bpy.data.scenes.new("Volumetrics")
+    collection = result.collection
+    domains = add_volumes(preset.family, preset.parameters, scene.volumes, preset.label, collection)
+    for domain, values in zip(domains, plan.volume_settings):
+        _set_volume_material(domain.material_slots[0].material, values)
+    for index, source in enumerate(scene.lights):
+        objects.light(source, f"{preset.label} light {index}", collection)
+    for index, surface in enumerate(scene.surfaces):
+        objects.body(surface.shape, f"{preset.label} body {index}",
+                     objects.surface_material(surface, f"{preset.label} body {index}"), collection)
+    if plan.light_enclosure:
+        add_enclosure(scene, "Light enclosure", collection)
+    result.world = objects.world(scene.environment, "Volumetrics world")
+    result.camera = objects.camera(scene.camera, clip_range(scene), "Volumetrics camera", collection)
+    render = result.render
+    render.engine = "CYCLES" if plan.engine == CYCLES else compat.current().eevee
+    render.film_transparent = False
+    render.use_compositing = render.use_sequencer = render.use_motion_blur = render.use_border = False
+    render.dither_intensity = 0.0
+    render.use_stamp = False
+    settings.apply(result, plan.settings)
+    return result
+
+
+def _set_volume_material(material: bpy.types.Material, values: Mapping[str, Any]) -> None:
+    for name, value in values.items():
+        if name == "homogeneous_volume" and not compat.current().homogeneous_flag:
+            continue
+        setattr(material.cycles, name, value)
+
+
+def bounds(shape: Shape) -> tuple[list[float], list[float]]:
+    """Axis-aligned world bounds of a shape."""
+    data, placement = objects.mesh(shape, "bounds")
+    points = [placement @ vertex.co for vertex in data.vertices]
+    bpy.data.meshes.remove(data)
+    return [min(p[i] for p in points) for i in range(3)], [max(p[i] for p in points) for i in range(3)]
+
+
+def enclosure(scene: Scene) -> Box:
+    """Box around all media and all lights that stand somewhere, one hundredth larger."""
+    points = [corner for volume in scene.volumes for corner in bounds(volume.domain)]
+    points += [light.position for light in scene.lights if not isinstance(light, Sun)]
+    low, high = ([f(p[i] for p in points) for i in range(3)] for f in (min, max))
+    pad = 0.01 * max(h - l for l, h in zip(low, high))
+    center = tuple((l + h) / 2 for l, h in zip(low, high))
+    return Box(center, tuple((h - l) / 2 + pad for l, h in zip(low, high)))
+
+
+def add_enclosure(scene: Scene, name: str, collection: bpy.types.Collection) -> bpy.types.Object:
+    """An empty volume for EEVEE alone: its output has EEVEE as target, and rays of Cycles pass it by."""
+    material = bpy.data.materials.new(name)
+    build_tree = Tree(compat.use_nodes(material))
+    output = build_tree.node("ShaderNodeOutputMaterial", target="EEVEE")
+    empty = build_tree.node("ShaderNodeVolumeScatter", {"Density": 0.0})
+    build_tree.feed(socket_of(output.inputs, "Volume"), empty.outputs[0])
+    result = objects.body(enclosure(scene), name, material, collection)
+    result.display_type = "WIRE"
+    result.hide_select = True
+    return result
+
+
+def clip_range(scene: Scene) -> tuple[float, float]:
+    """Camera clipping that holds the whole scene, with a ratio that EEVEE's depth can resolve."""
+    reach = 0.0
+    shapes = [volume.domain for volume in scene.volumes] + [surface.shape for surface in scene.surfaces]
+    for shape in shapes:
+        for corner in bounds(shape):
+            reach = max(reach, sum((c - p) ** 2 for c, p in zip(corner, scene.camera.position)) ** 0.5)
+    # Two opposite corners of the bounds do not hold the farthest one: their diagonal does.
+    reach = 2.0 * max(reach, 1e-3)
+    return reach * 1e-4, reach

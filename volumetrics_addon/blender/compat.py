@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every difference between Blender versions that the package meets, in one table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+OLDEST = (4, 5, 0)
+
+
+@dataclass(frozen=True)
+class Version:
+    """What one range of Blender versions does."""
+
+    since: tuple[int, int, int]
+    eevee: str  # identifier of the EEVEE engine
+    exr_settings: tuple[tuple[str, str], ...]  # image settings that select one EXR, in this order
+    use_nodes: bool  # materials, worlds and lights have to be told to use nodes
+    homogeneous_flag: bool  # materials declare a homogeneous volume; later versions find out by themselves
+    volume_biased: bool  # ray marching is an option beside unbiased null-scattering; before, it is the only way
+
+
+TABLE = (
+    Version((4, 5, 0), "BLENDER_EEVEE_NEXT", (("file_format", "OPEN_EXR"),), True, True, False),
+    Version((5, 0, 0), "BLENDER_EEVEE", (("media_type", "IMAGE"), ("file_format", "OPEN_EXR")), False, False, True),
+)
+
+
+def current() -> Version:
+    """The row of the running Blender. Raises RuntimeError below the oldest supported version."""
+    running = tuple(bpy.app.version)
+    rows = [row for row in TABLE if row.since <= running]
+    if not rows:
+        raise RuntimeError(f"Blender {bpy.app.version_string} is too old; Volumetrics needs "
+                           f"{'.'.join(map(str, OLDEST[:2]))} or newer")
+    return rows[-1]
+
+
+def use_nodes(datablock: Any) -> Any:
+    """The node tree of a material, world or light, made and emptied."""
+    if current().use_nodes:
+        datablock.use_nodes = True
+    tree = datablock.node_tree
+    tree.nodes.clear()
+    return tree
+
+
+def select_exr(image_settings: Any) -> None:
+    """Linear 32-bit float EXR without loss."""
+    for name, value in current().exr_settings:
+        setattr(image_settings, name, value)
+    image_settings.color_mode = "RGB"
+    image_settings.color_depth = "32"
+    image_settings.exr_codec = "ZIP"

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Typed helpers to write a shader node tree as an expression."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..parameters.model import Parameter
+
+_SOCKETS = {"float": "NodeSocketFloat", "int": "NodeSocketInt", "bool": "NodeSocketBool",
+            "color": "NodeSocketColor", "vector": "NodeSocketVector"}
+_SUBTYPES = {"m": "DISTANCE"}
+
+
+class Tree:
+    """A node tree under construction. Values passed to nodes are sockets (linked) or constants (set)."""
+
+    def __init__(self, tree: bpy.types.NodeTree):
+        self.tree = tree
+
+    def node(self, kind: str, inputs: dict[str | int, Any] | None = None, **properties: Any) -> bpy.types.Node:
+        """A new node with properties and inputs set; inputs are addressed by identifier or index, never by label."""
+        node = self.tree.nodes.new(kind)
+        for name, value in properties.items():
+            setattr(node, name, value)
+        for key, value in (inputs or {}).items():
+            self.feed(socket_of(node.inputs, key), value)
+        return node
+
+    def feed(self, socket: bpy.types.NodeSocket, value: Any) -> None:
+        if isinstance(value, bpy.types.NodeSocket):
+            self.tree.links.new(value, socket)
+        else:
+            socket.default_value = value
+
+    def math(self, operation: str, *operands: Any, clamp: bool = False) -> bpy.types.NodeSocket:
+        node = self.node("ShaderNodeMath", dict(enumerate(operands)), operation=operation, use_clamp=clamp)
+        return node.outputs[0]
+
+    def vector(self, operation: str, *operands: Any) -> bpy.types.NodeSocket:
+        """Vector result of a vector operation."""
+        node = self.node("ShaderNodeVectorMath", dict(enumerate(operands)), operation=operation)
+        return socket_of(node.outputs, "Vector")
+
+    def scale(self, vector: Any, factor: Any) -> bpy.types.NodeSocket:
+        node = self.node("ShaderNodeVectorMath", {0: vector, "Scale": factor}, operation="SCALE")
+        return socket_of(node.outputs, "Vector")
+
+    def scalar(self, operation: str, *operands: Any) -> bpy.types.NodeSocket:
+        """Scalar result (LENGTH, DOT_PRODUCT, DISTANCE) of a vector operation."""
+        node = self.node("ShaderNodeVectorMath", dict(enumerate(operands)), operation=operation)
+        return socket_of(node.outputs, "Value")
+
+    def components(self, vector: Any) -> tuple[bpy.types.NodeSocket, ...]:
+        return tuple(self.node("ShaderNodeSeparateXYZ", {0: vector}).outputs)
+
+    def combine(self, x: Any, y: Any, z: Any) -> bpy.types.NodeSocket:
+        return self.node("ShaderNodeCombineXYZ", {0: x, 1: y, 2: z}).outputs[0]
+
+    def shader_sum(self, *shaders: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        total = shaders[0]
+        for shader in shaders[1:]:
+            total = self.node("ShaderNodeAddShader", {0: total, 1: shader}).outputs[0]
+        return total
+
+
+def socket_of(sockets: Any, key: str | int) -> bpy.types.NodeSocket:
+    if isinstance(key, int):
+        return sockets[key]
+    for socket in sockets:
+        if socket.identifier == key:
+            return socket
+    raise KeyError(f"no socket {key!r} among {[socket.identifier for socket in sockets]}")
+
+
+def add_input(tree: bpy.types.NodeTree, parameter: Parameter) -> None:
+    """An input socket of a node group, from the parameter's declaration."""
+    socket = tree.interface.new_socket(parameter.label, description=parameter.description, in_out="INPUT",
+                                       socket_type=_SOCKETS[parameter.kind])
+    if parameter.kind in ("float", "int"):
+        if parameter.unit in _SUBTYPES:
+            socket.subtype = _SUBTYPES[parameter.unit]
+        number = float if parameter.kind == "float" else int
+        if parameter.minimum is not None:
+            socket.min_value = number(parameter.minimum)
+        if parameter.maximum is not None:
+            socket.max_value = number(parameter.maximum)
+    socket.default_value = socket_value(parameter, parameter.default)
+
+
+def socket_value(parameter: Parameter, value: Any) -> Any:
+    """A checked value as a socket takes it: colours get an alpha."""
+    return (*value, 1.0) if parameter.kind == "color" else value
+
+
+def arrange(tree: bpy.types.NodeTree, step: tuple[float, float] = (200.0, 170.0)) -> None:
+    """Place nodes in columns by their distance to the outputs, so that a reader of the tree can follow it."""
+    rank = {node: 0 for node in tree.nodes}
+    for _ in range(len(tree.nodes)):
+        moved = False
+        for link in tree.links:
+            if rank[link.from_node] < rank[link.to_node] + 1:
+                rank[link.from_node] = rank[link.to_node] + 1
+                moved = True
+        if not moved:
+            break
+    filled: dict[int, int] = {}
+    for node in tree.nodes:
+        row = filled.get(rank[node], 0)
+        filled[rank[node]] = row + 1
+        node.location = (-step[0] * rank[node], -step[1] * row)

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Headless rendering of a built scene to linear 32-bit EXR, once per seed."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..parameters.preset import Preset
+from ..plan.model import CYCLES, Plan
+from ..plan.rules import plan as make_plan
+from ..scene.model import Scene
+from . import build, compat
+
+
+class RenderError(RuntimeError):
+    """The engine did not deliver an image."""
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """Repeats of one render: ``images`` (k, height, width, 3), row 0 at the top; seconds for all of them."""
+
+    images: np.ndarray
+    plan: Plan
+    seconds: float
+
+
+def read_image(path: Path) -> np.ndarray:
+    """Linear pixels (height, width, 3) of an image file, row 0 at the top, through Blender's own reader."""
+    image = bpy.data.images.load(str(path), check_existing=False)
+    try:
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        if width == 0 or height == 0:
+            raise RenderError(f"{path} holds no pixels")
+        flat = np.empty(width * height * image.channels, np.float32)
+        image.pixels.foreach_get(flat)
+        return flat.reshape(height, width, image.channels)[::-1, :, :3].astype(np.float64)
+    finally:
+        bpy.data.images.remove(image)
+
+
+def write_exr(path: Path, pixels: np.ndarray) -> None:
+    """Linear (height, width, 3) float32 EXR, row 0 at the top; the file appears whole or not at all."""
+    height, width = pixels.shape[:2]
+    image = bpy.data.images.new("Volumetrics write", width, height, alpha=False, float_buffer=True)
+    scene = bpy.data.scenes.new("Volumetrics write")
+    try:
+        compat.select_exr(scene.render.image_settings)
+        image.colorspace_settings.name = "Linear Rec.709"
+        rgba = np.ones((height, width, 4), np.float32)
+        rgba[..., :3] = pixels[::-1]
+        image.pixels.foreach_set(rgba.ravel())
+        with whole_file(path) as partial:
+            image.save_render(str(partial), scene=scene)
+    finally:
+        bpy.data.scenes.remove(scene)
+        bpy.data.images.remove(image)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A name to write to beside ``path``; it becomes ``path`` at the end, or is deleted when the writing fails."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    try:
+        yield partial
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def _quiet(enabled: bool) -> Iterator[None]:
+    """Send what the engine prints, which no Blender option silences, to the null device."""
+    if not enabled:
+        yield
+        return
+    saved = [os.dup(descriptor) for descriptor in (1, 2)]
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for descriptor in (1, 2):
+            os.dup2(null, descriptor)
+        yield
+    finally:
+        for descriptor, copy in zip((1, 2), saved):
+            os.dup2(copy, descriptor)
+            os.close(copy)
+        os.close(null)
+
+
+def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, samples: int, *, seed: int = 0,
+           repeats: int = 1, quiet: bool = True, progress: Callable[[float], None] | None = None) -> Rendered:
+    """Render the preset's stage ``repeats`` times with consecutive seeds (EEVEE is deterministic: one repeat is made).
+
+    Raises RenderError when the engine writes no image.
+    """
+    if engine != CYCLES:
+        repeats = 1
+    start = time.perf_counter()
+    images = []
+    with build.temporary(), tempfile.TemporaryDirectory(prefix="volumetrics") as folder:
+        plan = make_plan(scene, engine, samples, unbiased_tracking=compat.current().volume_biased)
+        built = build.build(preset, scene, plan)
+        settings = built.render
+        settings.resolution_x, settings.resolution_y, settings.resolution_percentage = width, height, 100
+        settings.pixel_aspect_x = settings.pixel_aspect_y = 1.0
+        settings.use_file_extension = True
+        compat.select_exr(settings.image_settings)
+        for repeat in range(repeats):
+            if engine == CYCLES:
+                built.cycles.seed = seed + repeat
+            path = Path(folder) / f"{repeat}.exr"
+            settings.filepath = str(path)
+            with _quiet(quiet):
+                bpy.ops.render.render(write_still=True, scene=built.name)
+            if not path.exists():
+                raise RenderError(f"{engine} wrote no image; run 'volumetrics doctor' to see what is missing")
+            images.append(read_image(path))
+            if progress:
+                progress((repeat + 1) / repeats)
+    return Rendered(np.stack(images), plan, time.perf_counter() - start)

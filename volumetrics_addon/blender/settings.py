@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Engine settings by path: apply, remember what was there, restore."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+
+
+def _owner(root: Any, path: str) -> tuple[Any, str]:
+    *parents, name = path.split(".")
+    for parent in parents:
+        root = getattr(root, parent)
+    return root, name
+
+
+def apply(scene: bpy.types.Scene, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Set every path below the scene; returns the values that were there. Raises AttributeError on an unknown path."""
+    before = {}
+    for path, value in settings.items():
+        owner, name = _owner(scene, path)
+        before[path] = getattr(owner, name)
+        setattr(owner, name, value)
+    return before
+
+
+def restore(scene: bpy.types.Scene, before: Mapping[str, Any], applied: Mapping[str, Any] | None = None) -> None:
+    """Bring back remembered values; where ``applied`` is given, a value the user has changed since is left alone."""
+    for path, value in before.items():
+        owner, name = _owner(scene, path)
+        if applied is not None and path in applied and not _same(getattr(owner, name), applied[path]):
+            continue
+        setattr(owner, name, value)
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, float) and isinstance(b, (int, float)):
+        return abs(a - b) <= 1e-6 * max(abs(a), abs(b))  # properties are float32
+    return a == b

@@ -1,0 +1,706 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Statistical comparison of a render with a reference, both with known or measured noise.
+
+Two questions are kept apart because they have different answers:
+
+* How far is the render off? `mean_relative_error` with its confidence interval, `rmse`,
+  `rmse_denoised` and `percentile95`.
+* Could noise alone explain what is seen? `z_pass_fraction`, the share of pixels that pass a
+  two-sided test at a level corrected for the number of tests.
+
+Everything is linear radiance in float64. Arrays are (height, width, 3).
+"""
+
+import math
+from dataclasses import dataclass, field
+from statistics import NormalDist
+
+import numpy as np
+
+# The share of pixels that must pass the pixel test (Mitsuba 3, `test_renders.py`).
+REQUIRED_PASS_FRACTION = 0.9975
+
+# Images are stored as float32. Rounding to nearest moves each of the two images by at most
+# 2**-24 of its value, so two equal radiances differ by at most 2**-23 of the larger.
+FLOAT32_ROUNDING = 2.0**-23
+# Below the smallest normal float32 the rounding is absolute: half of 2**-149 for each image.
+FLOAT32_SUBNORMAL = 2.0**-149
+
+# Relative errors of single pixels are taken against at least this fraction of the mean
+# reference, so that nearly black pixels do not decide the figure.
+DARK_PIXEL_FRACTION = 0.01
+
+# Radii, in pixels, of the square neighbourhoods over which variances are pooled: 7x7, 15x15
+# and 31x31. The smallest with enough degrees of freedom is used, pixel by pixel.
+POOLING_RADII = (3, 7, 15)
+# A variance with 40 degrees of freedom has a relative standard deviation of sqrt(2/40) = 22 %,
+# and the standard error made of it 11 %. Two Gaussian repeats give 49 in 7x7 pixels.
+ENOUGH_DEGREES_OF_FREEDOM = 40.0
+
+
+# Estimates ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """An image with the standard error of each pixel and of its mean.
+
+    value : (h, w, 3) linear radiance, finite.
+    standard_error : (h, w, 3) standard error of `value`, finite, >= 0.
+    repeats : number of independent repeats, >= 2, from which the errors were measured, so that
+        each has `repeats - 1` degrees of freedom; None where the errors are known.
+    mean_value : mean of `value` over pixels and channels.
+    mean_standard_error : standard error of `mean_value`.
+    third_cumulant : (h, w, 3) third central moment of the error of `value`, radiance cubed,
+        finite; None where it is not known, which is taken as symmetric noise.
+
+    The arrays are copied and read-only. Raises ValueError on wrong shapes, pixels that are not
+    finite, or negative errors. Use `from_repeats`, `from_errors` or `exact` to make one.
+    """
+
+    value: np.ndarray
+    standard_error: np.ndarray
+    repeats: int | None
+    mean_value: float
+    mean_standard_error: float
+    third_cumulant: np.ndarray | None = None
+
+    def __post_init__(self):
+        for name in ("value", "standard_error", "third_cumulant"):
+            if getattr(self, name) is not None:
+                array = _checked_image(getattr(self, name), name)
+                if name != "value":
+                    _check_shape(array, self.value.shape, name)
+                array.setflags(write=False)
+                object.__setattr__(self, name, array)
+        _check_errors(self.standard_error)
+        if self.repeats is not None and self.repeats < 2:
+            raise ValueError(
+                f"repeats must be >= 2, got {self.repeats}: a spread needs two images; render "
+                "another seed, or use from_errors or exact where the error is known"
+            )
+
+    @classmethod
+    def from_repeats(cls, images):
+        """Mean of independent repeats (seeds), with errors measured from their spread.
+
+        images : (k, h, w, 3), k >= 2. A pixel is mean +- s / sqrt(k), s**2 the unbiased sample
+        variance. The error of the image mean comes from the spread of the k image means, so
+        that correlations between pixels and channels are honoured. From three repeats on the
+        skewness of the noise is measured too.
+        """
+        images = np.asarray(images, dtype=np.float64)
+        if images.ndim != 4 or images.shape[-1] != 3 or 0 in images.shape:
+            raise ValueError(
+                f"images must have the shape (repeats, height, width, 3), got {images.shape}: "
+                "stack one RGB image for each seed along the first axis"
+            )
+        repeats = images.shape[0]
+        if repeats < 2:
+            raise ValueError(
+                f"images must hold >= 2 repeats, got {repeats}: a spread needs two images; "
+                "render another seed"
+            )
+        _check_finite(images, "images", ("repeat", "row", "column", "channel"))
+        value, standard_error = _mean_and_error(images)
+        mean_value, mean_error = _mean_and_error(images.mean(axis=(1, 2, 3)))
+        third = _third_cumulant_of_mean(images - value) if repeats > 2 else None
+        return cls(value, standard_error, repeats, float(mean_value), float(mean_error), third)
+
+    @classmethod
+    def from_errors(cls, value, standard_error):
+        """Image with known, independent errors: the mean's error is sqrt(sum se**2) / n."""
+        value = np.asarray(value, dtype=np.float64)
+        standard_error = np.broadcast_to(
+            np.asarray(standard_error, dtype=np.float64), value.shape
+        )
+        mean_error = math.sqrt(np.sum(standard_error**2)) / max(value.size, 1)
+        return cls(value, standard_error, None, _mean(value), mean_error)
+
+    @classmethod
+    def exact(cls, value):
+        """Image without error, for closed forms and for engines without noise."""
+        value = np.asarray(value, dtype=np.float64)
+        return cls(value, np.zeros_like(value), None, _mean(value), 0.0)
+
+
+def _mean(values):
+    # A non-finite image is refused later, with a message that says where; no warning before.
+    with np.errstate(invalid="ignore", over="ignore"):
+        return float(np.mean(values)) if values.size else math.nan
+
+
+def _mean_and_error(samples):
+    """Mean over the first axis and its standard error, exact where all samples are equal."""
+    first = samples[0]
+    deviations = samples - first
+    mean = deviations.mean(axis=0)
+    variance = np.sum((deviations - mean) ** 2, axis=0) / (len(samples) - 1)
+    return first + mean, np.sqrt(variance / len(samples))
+
+
+def _third_cumulant_of_mean(deviations):
+    """Unbiased third central moment of a sample (k >= 3), over k**2: that of the sample's mean."""
+    k = len(deviations)
+    return np.sum(deviations**3, axis=0) / (k * (k - 1.0) * (k - 2.0))
+
+
+def _checked_image(array, name):
+    array = np.array(array, dtype=np.float64)
+    if array.ndim != 3 or array.shape[-1] != 3 or 0 in array.shape:
+        raise ValueError(
+            f"{name} must have the shape (height, width, 3), got {array.shape}: give linear RGB"
+        )
+    _check_finite(array, name, ("row", "column", "channel"))
+    return array
+
+
+def _check_finite(array, name, axes):
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        first = tuple(int(index) for index in bad[0])
+        where = ", ".join(f"{axis} {index}" for axis, index in zip(axes, first, strict=True))
+        raise ValueError(
+            f"{name} must be finite, got {len(bad)} of {array.size} values that are not, the "
+            f"first {array[first]} at {where}: a NaN or infinity is a fault of the render, "
+            "find it there rather than masking it"
+        )
+
+
+def _check_shape(array, shape, name):
+    if array.shape != shape:
+        raise ValueError(
+            f"{name} must have the shape of value {shape}, got {array.shape}: give one number "
+            "for each pixel and channel"
+        )
+
+
+def _check_errors(standard_error):
+    lowest = float(standard_error.min())
+    if lowest < 0.0:
+        raise ValueError(
+            f"standard_error must be >= 0, got {lowest}: an error is a size; give its magnitude"
+        )
+
+
+# Comparison -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What `compare` found. Relative figures are None where the reference is all black.
+
+    mean_render, mean_reference : means over pixels and channels, radiance.
+    mean_difference, mean_difference_interval : mean(render) - mean(reference), radiance.
+    mean_relative_error, mean_relative_interval : the same over mean(reference), signed.
+    mean_p_value : two-sided p-value of "the means are equal".
+    mean_degrees_of_freedom : Welch-Satterthwaite, of the difference; may be infinite.
+    rms_difference : sqrt(mean(d**2)), radiance, noise included.
+    rmse : rms_difference / mean(reference), noise included.
+    rmse_denoised : sqrt(max(0, mean(d**2 - se_render**2 - se_reference**2))) / mean(reference).
+        Unbiased in the square before the clamp at zero, for any distribution of the noise.
+    rmse_noise_floor : the `rmse_denoised` that noise alone stays under with probability
+        `confidence`; a smaller one is not distinguishable from zero. It takes pixels as
+        independent; a pixel filter that correlates c neighbours raises it by c**(1/4).
+    percentile95 : 95th percentile, over pixels and channels, of |d| / max(reference, 1 % of the
+        mean reference), noise included.
+    z_pass_fraction : share of pixels of which all three channels pass the pixel test.
+    z : (h, w, 3) signed score of the pixel test (see `compare`): difference over standard error,
+        corrected for skewness; infinite where an error of zero meets a difference.
+    pixel_passes : (h, w) result of the pixel test.
+    """
+
+    mean_render: float
+    mean_reference: float
+    mean_difference: float
+    mean_difference_interval: tuple[float, float]
+    mean_relative_error: float | None
+    mean_relative_interval: tuple[float, float] | None
+    mean_p_value: float
+    mean_degrees_of_freedom: float
+    rms_difference: float
+    rmse: float | None
+    rmse_denoised: float | None
+    rmse_noise_floor: float | None
+    percentile95: float | None
+    z_pass_fraction: float
+    confidence: float
+    significance: float
+    z: np.ndarray = field(repr=False)
+    pixel_passes: np.ndarray = field(repr=False)
+
+    @property
+    def worst_mean_error(self):
+        """Magnitude of the farther end of the mean error's interval; None without one."""
+        interval = self.mean_relative_interval
+        return None if interval is None else max(abs(end) for end in interval)
+
+    def passes(self, tolerance):
+        """Whether |mean_relative_error| <= tolerance and enough pixels pass their test.
+
+        A noisy render can pass by luck; hold `worst_mean_error` against the tolerance where
+        the error itself must be known to be small. An all-black reference has no relative
+        error: there the interval of the mean difference must contain zero.
+        """
+        if not tolerance >= 0.0:
+            raise ValueError(
+                f"tolerance must be >= 0, got {tolerance}: it bounds a magnitude; 0.01 is 1 %"
+            )
+        if self.mean_relative_error is None:
+            low, high = self.mean_difference_interval
+            mean_passes = low <= 0.0 <= high
+        else:
+            mean_passes = abs(self.mean_relative_error) <= tolerance
+        return mean_passes and self.z_pass_fraction >= REQUIRED_PASS_FRACTION
+
+    def to_json(self):
+        """The figures as a dict of floats, lists of floats and None; nothing infinite."""
+        arrays = ("z", "pixel_passes")
+        figures = {k: _plain(v) for k, v in vars(self).items() if k not in arrays}
+        return figures | {
+            "worst_mean_error": _plain(self.worst_mean_error),
+            "height": self.z.shape[0],
+            "width": self.z.shape[1],
+        }
+
+
+def _plain(figure):
+    if isinstance(figure, tuple):
+        return [_plain(item) for item in figure]
+    if figure is None or not math.isfinite(figure):
+        return None
+    return float(figure)
+
+
+def compare(render, reference, confidence=0.95, significance=0.01):
+    """Compare two `Estimate`s of the same image. Returns a `Comparison`.
+
+    confidence : of the interval of the mean error, in (0, 1).
+    significance : probability that any pixel of an unbiased image fails its test, in (0, 1).
+
+    Mean: R = M_r / M_f - 1 with variance (se_r**2 + (M_r / M_f)**2 se_f**2) / M_f**2 (delta
+    method, for se_f well under M_f) and Student's t of Welch-Satterthwaite degrees of freedom.
+
+    Pixels: z = d / sqrt(v_r + v_f) against Student's t of Welch-Satterthwaite degrees of freedom
+    at the Sidak level 1 - (1 - significance)**(1 / n), n = 3 * pixels; a pixel fails if any
+    channel does, and always passes within float32 rounding. Known errors (`repeats` None) are
+    used as they are. With k repeats a pixel's own variance has k - 1 degrees of freedom and
+    cannot be trusted: where light arrives in rare bright samples, k samples without one show a
+    variance far too small together with a mean too low. The variance v is therefore the larger of
+
+    * the mean of the variances in the pixel's neighbourhood, with the degrees of freedom that
+      their spread implies (`_pooled_noise`): it knows the bright samples this pixel missed;
+    * its own: in the pixel that did get a bright sample it is as large as the excess.
+
+    Noise that is skewed reaches far in one direction even where its variance is known exactly,
+    so z is brought to the normal scale by the skewness pooled over the same neighbourhood
+    (`_normal_score`). This needs k >= 3.
+
+    Probability that any of 32x32 pixels fails without bias, at significance 1 %, measured for
+    k = 4, 8, 16 over a gradient and over an edge of contrast 100: at most MEASURED.
+    Noise with no spread at all in 31x31 pixels counts as no noise.
+
+    Raises ValueError if shapes differ, or if the mean reference is <= 0 without the reference
+    being all black.
+    """
+    _check_comparable(render, reference)
+    _check_probability(confidence, "confidence")
+    _check_probability(significance, "significance")
+    difference = render.value - reference.value
+    relative = reference.mean_value > 0.0
+    z, pixel_passes = _pixel_test(render, reference, significance)
+    return Comparison(
+        **_compare_means(render, reference, confidence, relative),
+        **_compare_spreads(difference, render, reference, confidence, relative),
+        z_pass_fraction=float(pixel_passes.mean()),
+        confidence=float(confidence),
+        significance=float(significance),
+        z=z,
+        pixel_passes=pixel_passes,
+    )
+
+
+def _check_comparable(render, reference):
+    if render.value.shape != reference.value.shape:
+        raise ValueError(
+            f"render and reference must have the same shape, got {render.value.shape} and "
+            f"{reference.value.shape}: render both at the same resolution"
+        )
+    if reference.mean_value <= 0.0 and np.any(reference.value):
+        raise ValueError(
+            f"mean reference must be > 0, got {reference.mean_value}: a relative error is "
+            "undefined against it; check the reference for negative radiance"
+        )
+
+
+def _check_probability(value, name):
+    if not 0.0 < value < 1.0:
+        raise ValueError(
+            f"{name} must be between 0 and 1, got {value}: it is a probability; give 0.95 for 95 %"
+        )
+
+
+def _degrees_of_freedom(estimate):
+    return math.inf if estimate.repeats is None else estimate.repeats - 1.0
+
+
+def _welch(variance_a, dof_a, variance_b, dof_b):
+    """Welch-Satterthwaite degrees of freedom of a sum of two independent variances."""
+    # Scaled by the larger variance, so that squares neither overflow nor vanish.
+    scale = np.maximum(np.maximum(variance_a, variance_b), np.finfo(float).tiny)
+    a, b = variance_a / scale, variance_b / scale
+    spread = np.asarray(a**2 / dof_a + b**2 / dof_b)
+    infinite = np.full(spread.shape, np.inf)
+    return np.divide((a + b) ** 2, spread, out=infinite, where=spread > 0.0)
+
+
+# Means
+
+
+def _compare_means(render, reference, confidence, relative):
+    difference = render.mean_value - reference.mean_value
+    error, dof = _mean_error(render, reference, 1.0)
+    figures = {
+        "mean_render": render.mean_value,
+        "mean_reference": reference.mean_value,
+        "mean_difference": difference,
+        "mean_difference_interval": _interval(difference, error, dof, confidence),
+        "mean_p_value": _mean_p_value(render, reference, error, dof),
+        "mean_degrees_of_freedom": dof,
+        "mean_relative_error": None,
+        "mean_relative_interval": None,
+    }
+    if relative:
+        ratio = render.mean_value / reference.mean_value
+        error, dof = _mean_error(render, reference, ratio)
+        relative_error = difference / reference.mean_value
+        figures["mean_relative_error"] = relative_error
+        figures["mean_relative_interval"] = _interval(
+            relative_error, error / reference.mean_value, dof, confidence
+        )
+    return figures
+
+
+def _mean_error(render, reference, slope):
+    """Standard error and degrees of freedom of M_r - slope * M_f, slope held fixed."""
+    variance_r = render.mean_standard_error**2
+    variance_f = (slope * reference.mean_standard_error) ** 2
+    dof = _welch(
+        variance_r, _degrees_of_freedom(render), variance_f, _degrees_of_freedom(reference)
+    )
+    return math.sqrt(variance_r + variance_f), float(dof)
+
+
+def _interval(centre, error, dof, confidence):
+    half_width = error * float(student_t_isf(0.5 * (1.0 - confidence), dof))
+    return (centre - half_width, centre + half_width)
+
+
+def _mean_p_value(render, reference, error, dof):
+    difference = abs(render.mean_value - reference.mean_value)
+    if error > 0.0:
+        return min(1.0, 2.0 * float(student_t_sf(difference / error, dof)))
+    return float(difference <= _rounding(render.mean_value, reference.mean_value))
+
+
+def _rounding(a, b):
+    """Largest difference that storing two equal radiances as float32 can make."""
+    return FLOAT32_ROUNDING * np.maximum(np.abs(a), np.abs(b)) + FLOAT32_SUBNORMAL
+
+
+# Spreads
+
+
+def _compare_spreads(difference, render, reference, confidence, relative):
+    figures = {
+        "rms_difference": math.sqrt(np.mean(difference**2)),
+        "rmse": None,
+        "rmse_denoised": None,
+        "rmse_noise_floor": None,
+        "percentile95": None,
+    }
+    if relative:
+        excess = difference**2 - render.standard_error**2 - reference.standard_error**2
+        mean = reference.mean_value
+        dark = DARK_PIXEL_FRACTION * mean
+        figures["rmse"] = figures["rms_difference"] / mean
+        figures["rmse_denoised"] = math.sqrt(max(0.0, excess.mean())) / mean
+        figures["rmse_noise_floor"] = _noise_floor(excess, confidence) / mean
+        figures["percentile95"] = float(
+            np.percentile(np.abs(difference) / np.maximum(reference.value, dark), 95.0)
+        )
+    return figures
+
+
+def _noise_floor(excess, confidence):
+    """Root of the quantile, over noise alone, of the mean of `excess` = d**2 - variances.
+
+    Its expectation without bias is zero, so its own mean square is its variance, whatever the
+    distribution of the noise. Channels of a pixel share their light paths, hence are averaged
+    first. Errors that are all zero give a floor of zero.
+    """
+    pixels = excess.mean(axis=-1)
+    error_of_mean = math.sqrt(np.mean(pixels**2) / pixels.size)
+    return math.sqrt(max(0.0, float(student_t_isf(1.0 - confidence, math.inf)) * error_of_mean))
+
+
+# Pixels
+
+
+def _pixel_test(render, reference, significance):
+    """z (h, w, 3) and pixel_passes (h, w); see `compare`."""
+    difference = render.value - reference.value
+    negligible = np.abs(difference) <= _rounding(render.value, reference.value)
+    variance_r, third_r, dof_r = _pixel_noise(render)
+    variance_f, third_f, dof_f = _pixel_noise(reference)
+    error = np.sqrt(variance_r + variance_f)
+    noisy = error > 0.0
+    z = np.where(noisy | negligible, 0.0, np.copysign(np.inf, difference))
+    skewness = (third_r - third_f)[noisy] / error[noisy] ** 3
+    z[noisy] = _normal_score(difference[noisy] / error[noisy], skewness)
+    # log1p and expm1 keep the level exact for millions of tests.
+    level = -math.expm1(math.log1p(-significance) / difference.size)
+    critical = _critical_values(level, _welch(variance_r, dof_r, variance_f, dof_f))
+    return z, np.all((np.abs(z) <= critical) | negligible, axis=-1)
+
+
+def _normal_score(z, skewness):
+    """Score that is normal where z has a gamma distribution of this skewness (Wilson-Hilferty).
+
+    6 / g ((1 + g z / 2)**(1/3) - 1) + g / 6, for skewness g towards the side of z. Never larger
+    than z: the measured skewness has an error of its own, and on the short side of a skewed
+    distribution nothing needs to be forgiven.
+    """
+    size = np.abs(z)
+    # Under 1e-6 the correction is lost in rounding, and the formula too.
+    g = np.maximum(np.copysign(1.0, z) * skewness, 1e-6)
+    corrected = 6.0 / g * np.expm1(np.log1p(0.5 * g * size) / 3.0) + g / 6.0
+    return np.copysign(np.minimum(size, corrected), z)
+
+
+def _critical_values(level, dof):
+    """Two-sided Student-t critical values for an array of degrees of freedom.
+
+    Degrees of freedom are rounded down to whole numbers, which only widens the acceptance, so
+    that each needed value is computed once instead of once for each pixel.
+    """
+    whole, index = np.unique(np.floor(dof), return_inverse=True)
+    return student_t_isf(0.5 * level, whole)[index.reshape(np.shape(dof))]
+
+
+def _pixel_noise(estimate):
+    """Variance, third cumulant and degrees of freedom of each value for the pixel test."""
+    own = estimate.standard_error**2
+    third = np.zeros_like(own) if estimate.third_cumulant is None else estimate.third_cumulant
+    if estimate.repeats is None:
+        return own, third, np.full(own.shape, np.inf)
+    pooled, third, dof = _pooled_noise(own, third, estimate.repeats - 1)
+    return np.maximum(own, pooled), third, dof
+
+
+def _pooled_noise(variance, third_cumulant, dof_per_pixel):
+    """Means over each pixel's neighbourhood, and the degrees of freedom of the mean variance.
+
+    The neighbourhood grows through POOLING_RADII until it has ENOUGH_DEGREES_OF_FREEDOM, for
+    the pixel and also for the image as a whole (mean weighted by variance): a neighbourhood
+    that missed the bright samples looks well known, and only the rest of the image can tell.
+    """
+    pooled, third, dof = (np.zeros_like(variance) for _ in range(3))
+    undecided = np.ones(variance.shape, dtype=bool)
+    for radius in POOLING_RADII:
+        wider, wider_dof = _window_variance(variance, dof_per_pixel, radius)
+        pooled[undecided] = wider[undecided]
+        third[undecided] = _window_mean(third_cumulant, radius)[undecided]
+        dof[undecided] = wider_dof[undecided]
+        if np.sum(wider * wider_dof) >= ENOUGH_DEGREES_OF_FREEDOM * np.sum(wider):
+            undecided &= dof < ENOUGH_DEGREES_OF_FREEDOM
+        if not undecided.any():
+            break
+    # No spread anywhere near: an error of zero, known for certain.
+    return pooled, third, np.where(pooled > 0.0, dof, np.inf)
+
+
+def _window_variance(variance, dof_per_pixel, radius):
+    """Mean of the variances in a window and its degrees of freedom, (h, w, 3) each.
+
+    Satterthwaite: 2 m**2 / var(m) for the mean m of n variances, with var(m) measured from
+    their spread; at most n * dof_per_pixel. One bright sample alone in a window gives 2,
+    Gaussian noise nearly the full number, a border between quiet and noisy something between.
+    """
+    # Scaled to at most 1, so that squares of faint variances do not vanish.
+    scale = variance.max() or 1.0
+    mean = _window_mean(variance / scale, radius)
+    mean_square = _window_mean((variance / scale) ** 2, radius)
+    count = _window_count(variance.shape, radius)
+    # Sample variance n / (n - 1) (mean_square - mean**2), over n for the mean.
+    spread = np.maximum(mean_square - mean**2, 0.0) / np.maximum(count - 1.0, 1.0)
+    limit = np.broadcast_to(count * dof_per_pixel, mean.shape)
+    dof = np.divide(2.0 * mean**2, spread, out=limit.copy(), where=spread > 0.0)
+    return mean * scale, np.where(mean > 0.0, np.minimum(dof, limit), 0.0)
+
+
+def _window_mean(array, radius):
+    return _window_sum(array, radius) / _window_count(array.shape, radius)
+
+
+def _window_count(shape, radius):
+    return _window_sum(np.ones((*shape[:2], 1)), radius)
+
+
+def _window_sum(array, radius):
+    """Sum over the square window of `radius` around each pixel, cut at the image's border.
+
+    Plain additions of shifted copies: running sums would leave the rounding residue of a
+    firefly behind in every dark pixel after it.
+    """
+    for axis in (0, 1):
+        array = np.moveaxis(array, axis, 0)
+        total = array.copy()
+        for shift in range(1, min(radius, len(array) - 1) + 1):
+            total[shift:] += array[:-shift]
+            total[:-shift] += array[shift:]
+        array = np.moveaxis(total, 0, axis)
+    return array
+
+
+# Distributions --------------------------------------------------------------------------------
+
+# Above this many degrees of freedom the continued fraction loses digits to cancellation and
+# Hill's expansion is exact to rounding.
+_MANY_DEGREES_OF_FREEDOM = 1e4
+
+
+def normal_sf(x):
+    """Upper tail of the standard normal, erfc(x / sqrt(2)) / 2, relative error about 1e-15."""
+    return 0.5 * _erfc(np.asarray(x, dtype=np.float64) / math.sqrt(2.0))
+
+
+def normal_isf(p):
+    """The x with `normal_sf(x)` = p, 0 < p < 1. Wichura's AS 241, by the standard library."""
+    return -_inverse_normal(_checked_tail(p))
+
+
+_erfc = np.vectorize(math.erfc, otypes=[float])
+_inverse_normal = np.vectorize(NormalDist().inv_cdf, otypes=[float])
+
+
+def _checked_tail(p):
+    p = np.asarray(p, dtype=np.float64)
+    if not np.all((p > 0.0) & (p < 1.0)):
+        raise ValueError(
+            f"p must be between 0 and 1, got {p}: quantiles at 0 and 1 are infinite; give a "
+            "tail probability inside"
+        )
+    return p
+
+
+def student_t_sf(t, dof):
+    """Upper tail of Student's t: half the regularised incomplete beta I_x(dof/2, 1/2).
+
+    x = dof / (dof + t**2). t and dof > 0 broadcast; dof may be infinite (normal). Relative
+    error under 1e-10 for tails down to 1e-12 and below. Abramowitz & Stegun 26.5.27, 26.7.
+    """
+    t, dof = np.broadcast_arrays(np.asarray(t, float), np.asarray(dof, float))
+    if not np.all(dof > 0.0):
+        raise ValueError(
+            f"dof must be > 0, got {dof.min()}: a variance from k repeats has k - 1; use k >= 2"
+        )
+    tail = np.empty(t.shape)
+    size = np.abs(t)
+    many = dof > _MANY_DEGREES_OF_FREEDOM
+    infinite = np.isinf(dof)
+    tail[infinite] = normal_sf(size[infinite])
+    expansion = many & ~infinite
+    tail[expansion] = normal_sf(_hill_score(size[expansion], dof[expansion]))
+    tail[~many] = _beta_tail(size[~many], dof[~many])
+    return np.where(t < 0.0, 1.0 - tail, tail)
+
+
+def _hill_score(t, dof):
+    """Normal score of t (Hill 1970, CACM algorithm 395); the next term is of order dof**-4."""
+    a = dof - 0.5
+    b = 48.0 * a**2
+    w = np.sqrt(a * np.log1p(t**2 / dof))
+    return w + (w**3 + 3.0 * w) / b
+
+
+def _beta_tail(t, dof):
+    """Upper tail at t >= 0 by the continued fraction of the incomplete beta."""
+    a = 0.5 * dof
+    ratio = t**2 / dof
+    # x**a (1 - x)**(1/2) / B(a, 1/2), with x = 1 / (1 + ratio).
+    front = np.sqrt(ratio) * np.exp(-(a + 0.5) * np.log1p(ratio) - _log_beta_half(a))
+    x = 1.0 / (1.0 + ratio)
+    far = x < (a + 1.0) / (a + 2.5)
+    tail = np.empty(t.shape)
+    tail[far] = 0.5 * front[far] * _beta_fraction(a[far], 0.5, x[far]) / a[far]
+    near = ~far
+    one_minus_x = (ratio / (1.0 + ratio))[near]
+    tail[near] = 0.5 - front[near] * _beta_fraction(0.5, a[near], one_minus_x)
+    return tail
+
+
+def _beta_fraction(a, b, x):
+    """Continued fraction of the incomplete beta (DLMF 8.17.22) by Lentz's method."""
+    if x.size == 0:
+        return np.empty(x.shape)
+    c = np.ones(x.shape)
+    d = 1.0 / (1.0 - (a + b) * x / (a + 1.0))
+    fraction = d.copy()
+    for m in range(1, 2000):
+        even = m * (b - m) * x / ((a + 2 * m - 1.0) * (a + 2 * m))
+        odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1.0))
+        for coefficient in (even, odd):
+            d = 1.0 / (1.0 + coefficient * d)
+            c = 1.0 + coefficient / c
+            fraction *= c * d
+        if np.all(np.abs(c * d - 1.0) < 1e-15):
+            return fraction
+    raise ArithmeticError("incomplete beta: the continued fraction did not converge")
+
+
+def student_t_isf(p, dof):
+    """The t with `student_t_sf(t, dof)` = p, 0 < p < 1; p and dof > 0 broadcast.
+
+    Newton's method on log(tail) against log(t), a concave falling curve: after the first step
+    it approaches from the right and cannot leave the bracket.
+    """
+    p, dof = np.broadcast_arrays(_checked_tail(p), np.asarray(dof, dtype=np.float64))
+    upper = np.minimum(p, 1.0 - p)
+    log_upper = np.log(upper)
+    t = np.array(normal_isf(upper))
+    solve = np.isfinite(dof) & (upper < 0.5)
+    if solve.any():
+        t[solve] = _newton_t(t[solve], log_upper[solve], dof[solve])
+    t = np.where(upper == 0.5, 0.0, t)
+    return np.where(p > 0.5, -t, t)
+
+
+def _newton_t(t, log_tail, dof):
+    for _ in range(200):
+        tail = student_t_sf(t, dof)
+        step = (np.log(tail) - log_tail) * tail / (t * _student_t_pdf(t, dof))
+        t = t * np.exp(step)
+        # The tail itself is good to some 1e-15, so log(t) cannot settle closer than this.
+        if np.all(np.abs(step) < 1e-13):
+            return t
+    raise ArithmeticError("Student-t quantile: Newton's method did not converge")
+
+
+def _student_t_pdf(t, dof):
+    log_norm = -0.5 * np.log(dof) - _log_beta_half(0.5 * dof)
+    return np.exp(log_norm - 0.5 * (dof + 1.0) * np.log1p(t**2 / dof))
+
+
+def _log_beta_half(a):
+    """log B(a, 1/2), relative error of B under 1e-13 for every a > 0."""
+    # Differences of lgamma lose digits as a grows; the asymptotic series (DLMF 5.11.13) has a
+    # next term of 17 / 14336 / a**7, under 2e-15 from a = 50.
+    large = np.maximum(a, 50.0)
+    series = -0.5 * np.log(large) + 1 / (8 * large) - 1 / (192 * large**3) + 1 / (640 * large**5)
+    small = np.minimum(a, 50.0)
+    difference = _log_gamma(small) - _log_gamma(small + 0.5)
+    return 0.5 * math.log(math.pi) + np.where(a > 50.0, series, difference)
+
+
+_log_gamma = np.vectorize(math.lgamma, otypes=[float])

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A plan: engine settings and what is left out, each decision with its reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+CYCLES, EEVEE = "cycles", "eevee"
+ENGINES = (CYCLES, EEVEE)
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One named rule that applied, and why."""
+
+    rule: str
+    effect: str
+    reason: str
+
+
+@dataclass
+class Plan:
+    """Settings by path below the Blender scene, settings of the materials of volumes, and the decisions behind them."""
+
+    engine: str
+    samples: int
+    settings: dict[str, Any] = field(default_factory=dict)
+    volume_settings: list[dict[str, Any]] = field(default_factory=list)
+    decisions: list[Decision] = field(default_factory=list)
+    light_enclosure: bool = False
+
+    def decide(self, rule: str, effect: str, reason: str) -> None:
+        self.decisions.append(Decision(rule, effect, reason))

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the integrators share: optical depths through volumes, lights, surface lighting."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..physics.phase import dual_henyey_greenstein, henyey_greenstein, sample_dual_henyey_greenstein
+from ..physics.transmittance import height_optical_depth
+from ..scene import geometry
+from ..scene.model import ExponentialHeight, Homogeneous, Phase, Scene, Spot, Sun, Volume
+
+Array = np.ndarray
+
+
+def scale_of(scene: Scene) -> float:
+    """A length that stands for the scene (m), for tolerances on distances."""
+    sizes = [1e-3]
+    for item in (*scene.volumes, *scene.surfaces):
+        shape = item.domain if isinstance(item, Volume) else item.shape
+        sizes.append(max(shape.half) if hasattr(shape, "half") else shape.length)
+    return max(sizes)
+
+
+def phase_value(phase: Phase, cos_theta: Array) -> Array:
+    if phase.weight == 0.0:
+        return henyey_greenstein(cos_theta, phase.g0)
+    return dual_henyey_greenstein(cos_theta, phase.g0, phase.g1, phase.weight)
+
+
+def is_closed_form(volume: Volume) -> bool:
+    """Whether the density integrates in closed form along a ray."""
+    return isinstance(volume.medium.density, (Homogeneous, ExponentialHeight))
+
+
+def density_at(volume: Volume, position: Array) -> Array:
+    """Density (n,) at positions (n, 3) inside the domain, for closed-form densities."""
+    density = volume.medium.density
+    if isinstance(density, ExponentialHeight):
+        return np.exp(-(position[:, 2] - density.base_height) / density.scale_height)
+    return np.ones(len(position))
+
+
+def density_depth(volume: Volume, origin: Array, direction: Array, limit: Array | float) -> Array:
+    """Integral (n,) of the density along each ray over [0, limit] within the domain; unit: metres."""
+    near, far = geometry.interval(volume.domain, origin, direction)
+    near, far = np.maximum(near, 0.0), np.minimum(far, limit)
+    length = np.maximum(far - near, 0.0)
+    density = volume.medium.density
+    if isinstance(density, ExponentialHeight):
+        start = np.where(length > 0.0, origin[:, 2] + np.where(length > 0.0, near, 0.0) * direction[:, 2], 0.0)
+        return height_optical_depth(start, direction[:, 2], length, 1.0, density.scale_height, density.base_height)
+    return length
+
+
+def optical_depth(scene: Scene, origin: Array, direction: Array, limit: Array | float) -> Array:
+    """Optical depth (n, 3) of all volumes along each ray over [0, limit]."""
+    depth = np.zeros((len(direction), 3))
+    for volume in scene.volumes:
+        depth += density_depth(volume, origin, direction, limit)[:, None] * np.array(volume.medium.sigma_t)
+    return depth
+
+
+def spot_factor(spot: Spot, cos_angle: Array) -> Array:
+    """The spot's smooth edge: 1 inside, 0 outside the cone."""
+    c = np.cos(spot.cone_angle / 2.0)
+    if spot.blend == 0.0:
+        return (cos_angle >= c).astype(float)
+    s = np.clip((cos_angle - c) / ((1.0 - c) * spot.blend), 0.0, 1.0)
+    return s * s * (3.0 - 2.0 * s)
+
+
+def arriving(light, position: Array) -> tuple[Array, Array, Array]:
+    """Direction towards the light (n, 3), distance (n,) and unattenuated irradiance (n, 3) facing it, at positions."""
+    if isinstance(light, Sun):
+        toward = np.broadcast_to(-np.array(light.direction), position.shape)
+        return toward, np.full(len(position), np.inf), np.broadcast_to(np.array(light.irradiance), position.shape)
+    offset = np.array(light.position) - position
+    squared = np.einsum("ni,ni->n", offset, offset)
+    distance = np.sqrt(squared)
+    toward = offset / np.maximum(distance, 1e-300)[:, None]
+    intensity = np.array(light.power) / (4.0 * np.pi) / np.maximum(squared, 1e-300)[:, None]
+    if isinstance(light, Spot):
+        intensity = intensity * spot_factor(light, -(toward @ np.array(light.direction)))[:, None]
+    return toward, distance, intensity
+
+
+def uniform_hemisphere_cosine(normal: Array, rng: np.random.Generator) -> Array:
+    """Directions (n, 3) around unit normals with density cos / pi: the normal plus a point of the unit sphere."""
+    sphere = uniform_sphere(len(normal), rng)
+    direction = normal + sphere
+    length = np.linalg.norm(direction, axis=1, keepdims=True)
+    return np.where(length > 1e-9, direction / np.maximum(length, 1e-9), normal)
+
+
+def uniform_sphere(count: int, rng: np.random.Generator) -> Array:
+    z, angle = 2.0 * rng.random(count) - 1.0, 2.0 * np.pi * rng.random(count)
+    r = np.sqrt(np.maximum(0.0, 1.0 - z * z))
+    return np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1)
+
+
+def turned_by(direction: Array, cos_theta: Array, angle: Array) -> Array:
+    """Unit directions at the given polar cosine and azimuth around ``direction`` (branchless basis of Duff et al. 2017)."""
+    x, y, z = direction.T
+    sign = np.where(z >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    tangent = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=1)
+    bitangent = np.stack([b, sign + y * y * a, -y], axis=1)
+    sine = np.sqrt(np.maximum(0.0, 1.0 - cos_theta**2))
+    result = ((sine * np.cos(angle))[:, None] * tangent + (sine * np.sin(angle))[:, None] * bitangent
+              + cos_theta[:, None] * direction)
+    return result / np.linalg.norm(result, axis=1, keepdims=True)
+
+
+def sample_phase(phase: Phase, direction: Array, rng: np.random.Generator) -> Array:
+    """Scattered directions (n, 3) distributed as the phase function around ``direction``."""
+    cos_theta = sample_dual_henyey_greenstein(rng.random(len(direction)), phase.g0, phase.g1, phase.weight)
+    return turned_by(direction, cos_theta, 2.0 * np.pi * rng.random(len(direction)))

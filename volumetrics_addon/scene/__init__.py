@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Scene: plain frozen data in SI units, without Blender."""

@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Scene: the hub that presets make and that every engine and integrator consumes.
+
+Frozen dataclasses of plain numbers in SI units: metres, radians, W m^-2 sr^-1, extinction in 1/m. Colours are
+linear Rec.709 triples. Standard library only.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+Vector = tuple[float, float, float]
+Color = tuple[float, float, float]
+
+IDENTITY: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def add(a: Vector, b: Vector) -> Vector:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def subtract(a: Vector, b: Vector) -> Vector:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def scaled(a: Vector, factor: float) -> Vector:
+    return (a[0] * factor, a[1] * factor, a[2] * factor)
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def normalized(a: Vector) -> Vector:
+    """a / |a|. Raises ValueError for the zero vector, which has no direction."""
+    length = math.hypot(*a)
+    if length == 0.0:
+        raise ValueError(f"{a} has no direction; keep position and target apart")
+    return scaled(a, 1.0 / length)
+
+
+def look_frame(direction: Vector) -> tuple[Vector, Vector, Vector]:
+    """Orthonormal (right, up, back) of a camera or light that looks along ``direction``, z up where it can be."""
+    back = scaled(normalized(direction), -1.0)
+    reference = (0.0, 1.0, 0.0) if abs(back[2]) > 1.0 - 1e-9 else (0.0, 0.0, 1.0)
+    right = normalized(cross(reference, back))
+    return right, cross(back, right), back
+
+
+def turned(angle: float) -> tuple[Vector, Vector, Vector]:
+    """Axes of a body rotated by ``angle`` (rad) about z."""
+    c, s = math.cos(angle), math.sin(angle)
+    return (c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)
+
+
+# --- shapes (all convex) ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Box:
+    """Box with half sizes ``half`` along its orthonormal ``axes``. A half size of 0 makes a plane."""
+
+    center: Vector
+    half: Vector
+    axes: tuple[Vector, Vector, Vector] = IDENTITY
+
+    @property
+    def corners(self) -> tuple[Vector, ...]:
+        return tuple(
+            add(self.center, tuple(sum(sign * self.half[k] * self.axes[k][i] for k, sign in enumerate(signs))
+                                   for i in range(3)))
+            for signs in ((x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)))
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """Ellipsoid with radii ``half`` along its orthonormal ``axes``."""
+
+    center: Vector
+    half: Vector
+    axes: tuple[Vector, Vector, Vector] = IDENTITY
+
+
+@dataclass(frozen=True)
+class Cone:
+    """Circular cone from ``apex`` along the unit ``axis``, cut flat at the distance ``length``."""
+
+    apex: Vector
+    axis: Vector
+    half_angle: float
+    length: float
+
+
+Shape = Box | Ellipsoid | Cone
+
+
+# --- medium -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Homogeneous:
+    """Density 1 everywhere in the domain."""
+
+
+@dataclass(frozen=True)
+class ExponentialHeight:
+    """Density exp(-(z - base_height) / scale_height)."""
+
+    scale_height: float
+    base_height: float
+
+
+@dataclass(frozen=True)
+class NoiseShape:
+    """Billows cut from a smooth body by fractal Perlin noise.
+
+    density = clamp((fill - r + noise_strength (2 n - 1)) / softness, 0, 1) with r the distance from the centre
+    in units of the domain's radii and n the normalised noise in [0, 1] at (p - center) / noise_size + offset(seed).
+    """
+
+    center: Vector
+    half: Vector
+    noise_size: float
+    detail: float
+    roughness: float
+    noise_strength: float
+    fill: float
+    softness: float
+    seed: int
+
+
+Density = Homogeneous | ExponentialHeight | NoiseShape
+
+
+@dataclass(frozen=True)
+class Phase:
+    """(1 - weight) HG(g0) + weight HG(g1), per steradian; weight 0 is a single lobe."""
+
+    g0: float
+    g1: float = 0.0
+    weight: float = 0.0
+
+    @property
+    def mean_cosine(self) -> float:
+        return (1.0 - self.weight) * self.g0 + self.weight * self.g1
+
+
+@dataclass(frozen=True)
+class Medium:
+    """Scattering and absorption coefficients (1/m, per channel) where the density is 1."""
+
+    sigma_s: Color
+    sigma_a: Color
+    phase: Phase = Phase(0.0)
+    density: Density = Homogeneous()
+
+    @property
+    def sigma_t(self) -> Color:
+        return add(self.sigma_s, self.sigma_a)
+
+    @property
+    def scatters(self) -> bool:
+        return max(self.sigma_s) > 0.0
+
+
+@dataclass(frozen=True)
+class Dielectric:
+    """Smooth interface with this index of refraction inside and 1 outside."""
+
+    ior: float
+
+
+@dataclass(frozen=True)
+class Volume:
+    """A medium in a domain, with or without a refracting boundary."""
+
+    domain: Shape
+    medium: Medium
+    boundary: Dielectric | None = None
+
+
+# --- lights, surfaces, camera -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Sun:
+    """Parallel light travelling along the unit ``direction`` with the given perpendicular irradiance."""
+
+    direction: Vector
+    irradiance: Color
+
+
+@dataclass(frozen=True)
+class Point:
+    """Isotropic point light of radiant intensity power / (4 pi)."""
+
+    position: Vector
+    power: Color
+
+
+@dataclass(frozen=True)
+class Spot:
+    """Point light with a cone: intensity power / (4 pi) (not renormalised) times a smoothstep over the blend.
+
+    ``cone_angle`` is the full angle in radians. Inside, s = clamp((cos - c) / ((1 - c) blend)), c = cos(cone_angle / 2),
+    and the factor is s^2 (3 - 2 s); blend 0 is a hard edge.
+    """
+
+    position: Vector
+    direction: Vector
+    power: Color
+    cone_angle: float
+    blend: float
+
+
+Light = Sun | Point | Spot
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Opaque Lambert body, lit and seen from both sides, that may also emit (radiance)."""
+
+    shape: Box | Ellipsoid
+    albedo: Color
+    emission: Color = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Perspective camera; ``field_of_view`` is horizontal, in radians."""
+
+    position: Vector
+    direction: Vector
+    field_of_view: float
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything an integrator or an engine needs. ``orders`` counts scattering events (1: single scattering)."""
+
+    camera: Camera
+    lights: tuple[Light, ...] = ()
+    environment: Color = (0.0, 0.0, 0.0)
+    volumes: tuple[Volume, ...] = ()
+    surfaces: tuple[Surface, ...] = ()
+    orders: int = 1
+
+    @property
+    def is_dielectric(self) -> bool:
+        return any(volume.boundary is not None for volume in self.volumes)
+
+    @property
+    def is_noisy(self) -> bool:
+        return any(isinstance(volume.medium.density, NoiseShape) for volume in self.volumes)
