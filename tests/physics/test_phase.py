@@ -339,6 +339,7 @@ def test_fournier_forand_shares_and_samples(backscatter, ior):
                 s = mp.exp((low + high) / 2 + (high - low) / 2 * x)
                 term = (high - low) / 2 * w * 4 * mp.pi * s * literal_fournier_forand_of_s(s, v, ior)
                 total, mean_s = total + term, mean_s + s * term
+    assert float(total) == pytest.approx(1, abs=1e-12)
     mean = phase.mean_cosine_fournier_forand(backscatter, ior)
     assert mean == pytest.approx(float(1 - 2 * mean_s), abs=1e-10)
 
@@ -346,7 +347,8 @@ def test_fournier_forand_shares_and_samples(backscatter, ior):
     samples = phase.sample_fournier_forand(rng.random(20_000), backscatter, ior)
     edges = np.sort(np.cos(np.concatenate([np.linspace(np.pi, 0.1, 20), [1e-2, 1e-3]])))
     edges[0] = -1
-    middle, half = (np.log(1 - edges[:-1]) + np.log(1 - edges[1:])) / 2, -np.diff(np.log(1 - edges)) / 2
+    log_edges = np.log(1 - edges)
+    middle, half = (log_edges[1:] + log_edges[:-1]) / 2, -np.diff(log_edges) / 2
     from_forward = np.exp(middle[:, np.newaxis] + half[:, np.newaxis] * nodes)
     shares = 2 * np.pi * half * ((p(1 - from_forward) * from_forward) @ weights)
     edges, shares = np.append(edges, 1.0), np.append(shares, 1 - np.sum(shares))

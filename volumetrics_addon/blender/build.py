@@ -46,7 +46,7 @@ def build(preset: Preset, scene: Scene, plan: Plan) -> bpy.types.Scene:
     collection = result.collection
     domains = add_volumes(preset.family, preset.parameters, scene.volumes, preset.label, collection)
     for domain, values in zip(domains, plan.volume_settings):
-        _set_volume_material(domain.material_slots[0].material, values)
+        set_volume_material(domain.material_slots[0].material, values)
     for index, source in enumerate(scene.lights):
         objects.light(source, f"{preset.label} light {index}", collection)
     for index, surface in enumerate(scene.surfaces):
@@ -66,7 +66,7 @@ def build(preset: Preset, scene: Scene, plan: Plan) -> bpy.types.Scene:
     return result
 
 
-def _set_volume_material(material: bpy.types.Material, values: Mapping[str, Any]) -> None:
+def set_volume_material(material: bpy.types.Material, values: Mapping[str, Any]) -> None:
     for name, value in values.items():
         if name == "homogeneous_volume" and not compat.current().homogeneous_flag:
             continue
@@ -101,6 +101,8 @@ def add_enclosure(scene: Scene, name: str, collection: bpy.types.Collection) -> 
     result = objects.body(enclosure(scene), name, material, collection)
     result.display_type = "WIRE"
     result.hide_select = True
+    for ray in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+        setattr(result, f"visible_{ray}", False)
     return result
 
 

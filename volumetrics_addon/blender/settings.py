@@ -16,6 +16,11 @@ def _owner(root: Any, path: str) -> tuple[Any, str]:
     return root, name
 
 
+def get(scene: bpy.types.Scene, path: str) -> Any:
+    owner, name = _owner(scene, path)
+    return getattr(owner, name)
+
+
 def apply(scene: bpy.types.Scene, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Set every path below the scene; returns the values that were there. Raises AttributeError on an unknown path."""
     before = {}
@@ -30,12 +35,13 @@ def restore(scene: bpy.types.Scene, before: Mapping[str, Any], applied: Mapping[
     """Bring back remembered values; where ``applied`` is given, a value the user has changed since is left alone."""
     for path, value in before.items():
         owner, name = _owner(scene, path)
-        if applied is not None and path in applied and not _same(getattr(owner, name), applied[path]):
+        if applied is not None and path in applied and not same(getattr(owner, name), applied[path]):
             continue
         setattr(owner, name, value)
 
 
-def _same(a: Any, b: Any) -> bool:
+def same(a: Any, b: Any) -> bool:
+    """Equal as properties hold them: floats are float32."""
     if isinstance(a, float) and isinstance(b, (int, float)):
-        return abs(a - b) <= 1e-6 * max(abs(a), abs(b))  # properties are float32
+        return abs(a - b) <= 1e-6 * max(abs(a), abs(b))
     return a == b

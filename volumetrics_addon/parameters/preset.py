@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Mapping
 
@@ -42,10 +42,10 @@ class Preset:
     def group(self) -> Group:
         return FAMILIES[self.family]
 
-    def with_parameters(self, changes: Mapping[str, Any]) -> "Preset":
-        """The preset with some family parameters replaced. Raises ParameterError."""
-        return Preset(self.name, self.family, self.label, self.description,
-                      self.group.check({**self.parameters, **changes}), self.stage, self.props)
+    def changed(self, parameters: Mapping[str, Any], stage: Mapping[str, Any] | None = None) -> "Preset":
+        """The preset with some values replaced. Raises ParameterError."""
+        return replace(self, parameters=self.group.check({**self.parameters, **parameters}),
+                       stage=STAGE.check({**self.stage, **(stage or {})}))
 
 
 def directory() -> Path:

@@ -32,9 +32,16 @@ from . import checks
 # exp(-45) is 3e-20.
 _OPAQUE_DEPTH = 45.0
 _MAX_HALVINGS = 48
-# The difference between the two rules, times this, is the error estimate. Where
-# convergence is only algebraic, as 1/n^2, the difference falls short of the error.
+# Positions beyond so many metres count as infinite, lights closer to the line of a
+# ray than so many as on it: the squares of all others stay within float64.
+_FAR = 1e150
+_ON_THE_LINE = 1e-150
+# The difference to the rule of half as many points, times this, is the error
+# estimate; where convergence is only algebraic the difference alone falls short.
 _DOUBT_FACTOR = 2.0
+# Halving goes on until the estimate is below this share of the tolerance. Two rules
+# agree by chance now and then: over 5000 cases a quarter kept all errors within it.
+_SAFETY = 0.25
 _EPSILON = float(np.finfo(np.float64).eps)
 
 
@@ -68,12 +75,14 @@ def point_light(
 
     light_position (..., 3) in metres; intensity >= 0 in W/sr; the rest as in the
     module's docstring. Gauss-Legendre of ``order`` points in the equiangular
-    variable; the error estimate compares with a rule of fewer points. With
-    ``adaptive`` panels are halved until the estimate is below rtol * value or
-    rounding; else it is one panel a ray.
+    variable; the error estimate compares with the rule of half as many points. With
+    ``adaptive`` panels are halved until the estimate is well below rtol * value, or
+    down to rounding; else it is one panel a ray. 16 points reach 1e-6 for smooth
+    phase functions where the optical depth is moderate; sharp lobes, and lights
+    very close to the ray in a dense medium, want ``adaptive``.
 
-    A light exactly on the ray makes the integral infinite, as does one at its
-    start: the value is then infinity, and its error estimate 0.
+    A light exactly on the ray (within 1e-150 m) makes the integral infinite, as does
+    one at its start: the value is then infinity, and its error estimate 0.
     """
     shape, ray = _rays(origin, direction, distance, light_position, intensity, sigma_s, sigma_t)
     breaks = np.stack([ray.near, ray.far], axis=-1)
@@ -175,8 +184,9 @@ def sun(
     density, distance, irradiance, sigma_s, sigma_t, s0, s1, _ = np.broadcast_arrays(
         density, distance, irradiance, sigma_s, sigma_t, s0, s1, origin[..., 0]
     )
-    s_end = s0 + _times(s1, distance)
-    slack = 16 * _EPSILON * (s0 + np.where(np.isfinite(distance), np.abs(s1) * distance, 0.0))
+    with np.errstate(invalid="ignore"):
+        s_end = s0 + _times(s1, distance)
+    slack = 16 * _EPSILON * (s0 + _times(np.abs(s1), distance))
     checks.checked(
         "sun_distance along the ray",
         s_end,
@@ -278,14 +288,15 @@ def _rays(origin, direction, distance, position, intensity, sigma_s, sigma_t, sp
 
     to_light = position - origin
     foot = np.sum(to_light * direction, axis=-1)
-    perpendicular = np.cross(to_light, direction)
-    height = np.sqrt(np.sum(perpendicular * perpendicular, axis=-1))
+    height = _length_of(np.cross(to_light, direction))
+    height = np.where(height < _ON_THE_LINE, 0.0, height)
     rays = [foot, height, distance, sigma_s * intensity, sigma_t]
     if spot is not None:
         axis, cone_angle, blend = spot
         to_foot = foot[..., np.newaxis] * direction - to_light
-        length = np.sqrt(np.sum(to_foot * to_foot, axis=-1))
+        length = _length_of(to_foot)
         across = np.sum(to_foot * axis, axis=-1) / np.where(length > 0, length, 1.0)
+        across = np.where(height > 0, across, 0.0)
         edge = np.cos(cone_angle / 2)
         full = edge + (1 - edge) * blend
         rays += [np.sum(axis * direction, axis=-1), across, edge, full]
@@ -297,21 +308,28 @@ def _rays(origin, direction, distance, position, intensity, sigma_s, sigma_t, sp
     return (shape, ray) if spot is None else (shape, ray, _Spot(*cone))
 
 
+def _length_of(vector):
+    """Euclidean length; the squares of tiny vectors would vanish."""
+    return np.hypot(np.hypot(vector[..., 0], vector[..., 1]), vector[..., 2])
+
+
 def _touches_light(ray):
-    return (ray.height == 0) & (ray.near <= 0) & (ray.far >= 0)
+    at_light = (ray.near <= _ON_THE_LINE) & (ray.far >= -_ON_THE_LINE)
+    return (ray.height == 0) & at_light
 
 
 def _angle_over_height(low, high, height):
     """Angle under which the light sees [low, high], divided by the height; finite at height 0."""
     endless = np.isinf(high)
     end = np.where(endless, 1.0, high)
-    scale = np.maximum(np.maximum(np.abs(low), np.abs(end)), np.finfo(np.float64).tiny)
+    scale = np.maximum(np.maximum(np.abs(low), np.abs(end)), height)
+    scale = np.where(scale > 0, scale, 1.0)
     length = np.where(endless, 1.0, (end - low) / scale)
     x = np.where(endless, low, height * (height / scale) + (low / scale) * end)
     y = height * length
     flat = y == 0
     angle = np.arctan2(y, x) / np.where(flat, 1.0, y)
-    level = np.where(flat, 1 / np.where(x > 0, x, 1.0), angle)
+    level = np.where(flat, 1 / np.where(flat & (x > 0), x, 1.0), angle)
     return length * level
 
 
@@ -399,7 +417,7 @@ def _integrate(ray, breaks, emission, phase, order, adaptive, rtol, shape):
         total = value + here
         if adaptive and halving < _MAX_HALVINGS:
             doubtful = error + np.bincount(index, doubt, count)
-            allowed = rtol * total
+            allowed = _SAFETY * rtol * total
             share = allowed / (4 * np.maximum(np.bincount(index, minlength=count), 1))
             split = (doubtful > allowed)[index] & (doubt > np.maximum(share[index], floor))
             split &= (low < middle) & (middle < high)
@@ -425,6 +443,7 @@ def _panels(ray, breaks, wanted):
     start = np.full(len(breaks), np.inf)
     np.minimum.at(start, index, low)
     high = np.minimum(high, _visible_end(start[index], ray.height[index], ray.sigma_t[index]))
+    high = np.where(high > _FAR, np.inf, high)
     keep = low < high
     return index[keep], low[keep], high[keep]
 
@@ -503,7 +522,8 @@ def _lit_at_light(ray, emission, phase):
     one = np.ones(len(ray.foot))
     before = emission(-one, one, index) * _phase_value(phase, one)
     behind = emission(one, one, index) * _phase_value(phase, -one)
-    lit = ((ray.near < 0) & (before > 0)) | ((ray.far > 0) & (behind > 0))
+    # A ray that touches the light with its start has its length behind it.
+    lit = ((ray.near < -_ON_THE_LINE) & (before > 0)) | ((ray.far > _ON_THE_LINE) & (behind > 0))
     return lit & (ray.strength > 0) & (ray.near < ray.far)
 
 
@@ -516,7 +536,7 @@ def _gauss_legendre(order):
 
 def _check_order(order):
     """Points of the rule that the error estimate compares with."""
-    return max(order - order // 4 - 1, 1)
+    return order // 2
 
 
 # --- shared ------------------------------------------------------------------

@@ -11,6 +11,8 @@ import numpy as np
 # how much is decided by the precision the caller computed in.
 _ROUNDING_STEPS = 16
 
+_LARGEST_COORDINATE = 1e100
+
 
 def checked(name, value, condition, must, remedy):
     """``value`` as a float64 array, or ValueError naming its first bad element.
@@ -69,8 +71,14 @@ def cosine(name, value):
 
 
 def vector(name, value, unit):
-    """``value`` as a float64 array of shape (..., 3) with finite components."""
-    array = finite(name, value, unit, "use finite coordinates")
+    """``value`` as a float64 array of shape (..., 3) with components whose squares are finite."""
+    array = checked(
+        name,
+        value,
+        lambda x: np.abs(x) <= _LARGEST_COORDINATE,
+        f"at most {_LARGEST_COORDINATE:g} {unit} in size",
+        "use finite coordinates",
+    )
     if array.ndim == 0 or array.shape[-1] != 3:
         raise ValueError(
             f"{name} must have shape (..., 3), got {array.shape}; "

@@ -8,9 +8,11 @@ ray marching (Blender 5 and later).
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 from ..scene.model import (
-    Box, Cone, Ellipsoid, ExponentialHeight, Homogeneous, NoiseShape, Scene, Shape, Spot, Sun, Volume,
+    Box, Cone, Ellipsoid, ExponentialHeight, Homogeneous, NoiseShape, Scene, Shape, Sun, Volume,
 )
 from .model import CYCLES, Plan
 
@@ -151,3 +153,27 @@ def _eevee(scene: Scene, result: Plan, unbiased_tracking: bool, seed: int) -> No
         result.decide("light enclosure", "an empty volume box around lights and media",
                       "EEVEE shadows the medium only inside the bounds of its volumes")
     result.volume_settings = [{} for _ in scene.volumes]
+
+
+def participation(scene: Scene, present: Mapping[str, Any]) -> dict[str, Any]:
+    """What a user's own scene needs so that the media take part: values by path, given those that are ``present``.
+
+    Bounce limits and resolutions are raised where they are lower and never lowered; nothing else of the user's render
+    settings is touched.
+    """
+    bounces = scene.orders - 1
+    glass = GLASS_BOUNCES if scene.is_dielectric else 0
+    at_least = {
+        "cycles.max_bounces": max(bounces, glass),
+        "cycles.volume_bounces": bounces,
+        "cycles.transmission_bounces": glass,
+        "cycles.glossy_bounces": glass,
+        "eevee.volumetric_samples": EEVEE_SLICES if any(v.medium.scatters for v in scene.volumes) else 1,
+    }
+    settings: dict[str, Any] = {path: max(value, present.get(path, value)) for path, value in at_least.items()}
+    settings["eevee.use_volumetric_shadows"] = True
+    settings["eevee.clamp_volume_indirect"] = 0.0
+    settings["eevee.light_threshold"] = min(1e-6, present.get("eevee.light_threshold", 1e-6))
+    if scene.is_dielectric:
+        settings["eevee.use_raytracing"] = True
+    return settings

@@ -60,7 +60,7 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: i
     if reason := applies(scene):
         raise ValueError(f"dielectric does not apply: {reason}")
     rng = np.random.default_rng(seed)
-    accumulator = Accumulator(width, height)
+    accumulator = Accumulator()
     evaluations, lost = 0, 0.0
     for repeat in range(repeats):
         image = np.zeros((height * width, 3))

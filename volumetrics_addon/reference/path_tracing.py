@@ -43,7 +43,7 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: i
     if reason := applies(scene):
         raise ValueError(f"path_tracing does not apply: {reason}; use dielectric")
     rng = np.random.default_rng(seed)
-    accumulator = Accumulator(width, height)
+    accumulator = Accumulator()
     evaluations, done, total = 0, 0, repeats * strata**2
     for _ in range(repeats):
         image = np.zeros((height * width, 3))

@@ -19,7 +19,8 @@ class Result:
     ``image`` (height, width, 3) linear radiance, row 0 at the top; ``error_estimate`` of the same shape: one standard
     error per pixel and channel; ``systematic``: bound on what more samples would not remove (quadrature order,
     truncated orders), as radiance averaged over the image; ``evaluations``: in-scatter or path-vertex evaluations;
-    ``seconds``: wall time.
+    ``seconds``: wall time; ``repeats`` (k, height, width, 3): the independent images behind mean and error. A single
+    repeat knows no error: its estimate is infinite.
     """
 
     image: np.ndarray
@@ -28,29 +29,24 @@ class Result:
     seconds: float
     systematic: float = 0.0
     integrator: str = ""
+    repeats: np.ndarray | None = None
 
 
 class Accumulator:
-    """Mean and standard error of repeated, equally distributed images."""
+    """Collects equally distributed images and turns them into a Result."""
 
-    def __init__(self, width: int, height: int):
-        self.shape = (height, width, 3)
-        self.count = 0
-        self.mean = np.zeros(self.shape)
-        self._m2 = np.zeros(self.shape)
+    def __init__(self) -> None:
+        self.images: list[np.ndarray] = []
         self._start = time.perf_counter()
 
     def add(self, image: np.ndarray) -> None:
-        """Welford's update, which keeps its digits where the variance is small beside the mean."""
-        self.count += 1
-        delta = image - self.mean
-        self.mean += delta / self.count
-        self._m2 += delta * (image - self.mean)
+        self.images.append(image)
 
     def result(self, evaluations: int, integrator: str, systematic: float = 0.0) -> Result:
-        variance = self._m2 / max(self.count - 1, 1)
-        return Result(self.mean.copy(), np.sqrt(variance / self.count), evaluations,
-                      time.perf_counter() - self._start, systematic, integrator)
+        images = np.stack(self.images)
+        error = images.std(axis=0, ddof=1) / np.sqrt(len(images)) if len(images) > 1 else np.full_like(images[0], np.inf)
+        return Result(images.mean(axis=0), error, evaluations, time.perf_counter() - self._start, systematic, integrator,
+                      images)
 
 
 def subpixels(width: int, height: int, strata: int, rng: np.random.Generator) -> Iterator[tuple[np.ndarray, np.ndarray]]:

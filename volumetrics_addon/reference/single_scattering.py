@@ -51,7 +51,7 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: i
     if reason := applies(scene):
         raise ValueError(f"single_scattering does not apply: {reason}; use path_tracing or dielectric")
     rng = np.random.default_rng(seed)
-    accumulator = Accumulator(width, height)
+    accumulator = Accumulator()
     evaluations, systematic = 0, 0.0
     for repeat in range(repeats):
         image = np.zeros((height * width, 3))

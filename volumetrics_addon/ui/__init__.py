@@ -1,2 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panels and operators; no logic."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import operators, panels, properties
+
+_MODULES = (properties, operators, panels)
+_command = None
+
+
+def _run_command(argv: list[str]) -> int:
+    from ..cli.main import main
+
+    return main(argv, "blender --command volumetrics")
+
+
+def register() -> None:
+    global _command
+    for module in _MODULES:
+        for cls in module.CLASSES:
+            bpy.utils.register_class(cls)
+    bpy.types.WindowManager.volumetrics = bpy.props.PointerProperty(type=properties.VolumetricsSettings)
+    _command = bpy.utils.register_cli_command("volumetrics", _run_command)
+
+
+def unregister() -> None:
+    global _command
+    bpy.utils.unregister_cli_command(_command)
+    _command = None
+    del bpy.types.WindowManager.volumetrics
+    for module in reversed(_MODULES):
+        for cls in reversed(module.CLASSES):
+            bpy.utils.unregister_class(cls)

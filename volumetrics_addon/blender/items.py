@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Presets in a user's own scene: add one, find them, remove one and leave the file as it was.
+
+An item is a collection that carries one custom property: the family, the preset's name and what the scene's settings
+were before. Every datablock made for it is tagged, so that removal takes them and nothing else.
+"""
+
+from __future__ import annotations
+
+import json
+import uuid
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+from mathutils import Vector
+
+from ..parameters.families import FAMILIES
+from ..plan.model import CYCLES, EEVEE
+from ..plan.rules import participation, plan
+from ..scene import assemble
+from ..scene.model import Camera, Scene, add
+from . import build, compat, objects, settings
+
+KEY = "volumetrics"
+TAG = "volumetrics_item"
+_OWNED = ("meshes", "lights", "materials", "node_groups")
+
+
+def items(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
+    """The collections of all items in the scene, in the order they were added."""
+    return [collection for collection in scene.collection.children_recursive if KEY in collection]
+
+
+def record(item: bpy.types.Collection) -> dict[str, Any]:
+    return json.loads(item[KEY])
+
+
+def live_node(item: bpy.types.Collection) -> bpy.types.Node | None:
+    """The group node whose sockets are the item's live parameters."""
+    for candidate in item.objects:
+        for slot in candidate.material_slots:
+            if slot.material is None:
+                continue
+            for node in slot.material.node_tree.nodes:
+                if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None and TAG in node.node_tree:
+                    return node
+    return None
+
+
+def scene_bounds(scene: bpy.types.Scene) -> assemble.Bounds:
+    """Bounds of the scene's visible geometry and its camera. Raises ValueError when there is neither."""
+    points = []
+    mine = {candidate for item in items(scene) for candidate in item.objects}
+    for candidate in scene.objects:
+        if candidate in mine or candidate.hide_render:
+            continue
+        if candidate.type == "CAMERA":
+            points.append(tuple(candidate.matrix_world.translation))
+        elif candidate.type in {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}:
+            points += [tuple(candidate.matrix_world @ Vector(corner)) for corner in candidate.bound_box]
+    return assemble.Bounds(points)
+
+
+def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], label: str, orders: int = 1,
+             offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> bpy.types.Collection:
+    """Add a family with the given parameters to the scene, moved by ``offset``.
+
+    Raises ParameterError on a refused value and ValueError where a fitted domain finds nothing to fit; then nothing
+    has been added.
+    """
+    values = FAMILIES[family].check(values)
+    for name in ("location", "target"):
+        if name in values:
+            values[name] = add(values[name], offset)
+    bounds = scene_bounds(scene) if family == "fog" else None
+    item = assemble.ASSEMBLERS[family](values, bounds)
+    described = Scene(Camera((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 1.0), item.lights, volumes=item.volumes,
+                      surfaces=item.surfaces, orders=orders)
+
+    before = {name: set(getattr(bpy.data, name)) for name in _OWNED}
+    collection = bpy.data.collections.new(label)
+    scene.collection.children.link(collection)
+    domains = build.add_volumes(family, values, item.volumes, label, collection)
+    unbiased = compat.current().volume_biased
+    cycles = plan(described, CYCLES, 1, unbiased_tracking=unbiased)
+    for domain, chosen in zip(domains, cycles.volume_settings):
+        build.set_volume_material(domain.material_slots[0].material, chosen)
+    for source in item.lights:
+        objects.light(source, f"{label} light", collection)
+    for surface in item.surfaces:
+        objects.body(surface.shape, f"{label} blocker", objects.surface_material(surface, f"{label} blocker"), collection)
+    if plan(described, EEVEE, 1).light_enclosure:
+        build.add_enclosure(described, f"{label} light enclosure", collection)
+
+    identity = uuid.uuid4().hex
+    for name in _OWNED:
+        for block in set(getattr(bpy.data, name)) - before[name]:
+            block[TAG] = identity
+    wanted = participation(described, {path: settings.get(scene, path) for path in participation(described, {})})
+    changed = settings.apply(scene, wanted)
+    collection[KEY] = json.dumps({"id": identity, "family": family, "label": label, "orders": orders,
+                                  "before": changed, "applied": wanted})
+    return collection
+
+
+def remove_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
+    """Remove the item's objects and what was made for them, and bring back the settings it changed.
+
+    Data that the user has put to use elsewhere stays. A setting goes back only when the user has not changed it since;
+    where a later item builds on it, that item inherits the older value to go back to.
+    """
+    mine = record(item)
+    others = [other for other in items(scene) if other != item]
+    _restore(scene, mine, others)
+    objects_of = list(item.objects)
+    bpy.data.collections.remove(item)
+    for candidate in objects_of:
+        if not candidate.users_collection:
+            bpy.data.objects.remove(candidate)
+    for name in _OWNED:  # in the order of use: meshes free materials, materials free node groups
+        for block in list(getattr(bpy.data, name)):
+            if block.get(TAG) == mine["id"] and block.users == 0:
+                getattr(bpy.data, name).remove(block)
+
+
+def _restore(scene: bpy.types.Scene, mine: Mapping[str, Any], others: list[bpy.types.Collection]) -> None:
+    going_back = dict(mine["before"])
+    for path, applied in mine["applied"].items():
+        for other in others:
+            theirs = record(other)
+            if path in theirs["before"] and settings.same(theirs["before"][path], applied):
+                theirs["before"][path] = going_back.pop(path)
+                other[KEY] = json.dumps(theirs)
+                break
+    settings.restore(scene, going_back, mine["applied"])

@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``volumetrics``: list, show, render, verify, tour, table, doctor.
+
+Exit codes: 0 done, 1 an error was measured above the tolerance, 2 bad usage or a bad preset, 3 something is missing on
+this machine or the engine failed, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..parameters.families import FAMILIES
+from ..parameters.model import Group, Parameter, ParameterError
+from ..parameters.preset import Preset, PresetError, load, names, to_toml
+from ..parameters.stage import STAGE
+from ..plan.model import CYCLES, EEVEE, ENGINES
+
+OK, WORSE, USAGE, FAILED, INTERRUPTED = 0, 1, 2, 3, 130
+SIZE, SAMPLES = 64, {CYCLES: 64, EEVEE: 16}
+
+
+class Progress:
+    """One line on stderr that is rewritten, or nothing when quiet or not on a terminal."""
+
+    def __init__(self, quiet: bool):
+        self.enabled = not quiet and sys.stderr.isatty()
+
+    def __call__(self, what: str, share: float) -> None:
+        if self.enabled:
+            filled = round(24 * share)
+            sys.stderr.write(f"\r\x1b[K{what:<28} [{'#' * filled}{'.' * (24 - filled)}] {share:4.0%}")
+            sys.stderr.flush()
+
+    def clear(self) -> None:
+        if self.enabled:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+
+def _option(group: Group, parameter: Parameter) -> str:
+    return f"--{group.name}.{parameter.name.replace('_', '-')}"
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value} is not allowed; give a whole number of at least 1")
+    return value
+
+
+def _size(text: str) -> int:
+    value = _positive(text)
+    if value > 8192:
+        raise argparse.ArgumentTypeError(f"{value} is not allowed; give at most 8192 pixels")
+    return value
+
+
+def _tolerance(text: str) -> float:
+    value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not allowed; give a positive fraction such as 0.005 or 0.5%")
+    return value
+
+
+def parser(program: str) -> argparse.ArgumentParser:
+    top = argparse.ArgumentParser(prog=program, description="Volumetric lighting presets with stated errors.",
+                                  epilog="exit codes: 0 done, 1 worse than the tolerance, 2 bad usage or preset, "
+                                         "3 missing library or failed engine, 130 interrupted")
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument("--json", action="store_true", help="write JSON to standard output")
+    common.add_argument("--quiet", action="store_true", help="no progress and no messages but errors")
+
+    image = argparse.ArgumentParser(add_help=False)
+    image.add_argument("--engine", choices=ENGINES, default=CYCLES)
+    image.add_argument("--samples", type=_positive, help="samples per pixel and repeat (Cycles 64, EEVEE 16)")
+    image.add_argument("--size", type=_size, help="pixels along the longer side")
+    image.add_argument("--seed", type=int, default=0, help="seed of the first repeat")
+    image.add_argument("--engine-output", action="store_true", help="show what the engine prints")
+
+    changes = argparse.ArgumentParser(add_help=False)
+    for group in (*FAMILIES.values(), STAGE):
+        section = changes.add_argument_group(f"{group.label.lower()} parameters")
+        for parameter in group.parameters:
+            section.add_argument(_option(group, parameter), dest=f"{group.name}.{parameter.name}", metavar="VALUE",
+                                 help=f"{parameter.description} Allowed: {parameter.limits}.".replace("%", "%%"))
+
+    commands.add_parser("list", parents=[common], help="the presets that come with the package")
+    show = commands.add_parser("show", parents=[common, changes], help="a preset's parameters with units and limits")
+    show.add_argument("preset", help="name of a preset, or a .toml file")
+    show.add_argument("--toml", action="store_true", help="write it as a preset file")
+
+    render = commands.add_parser("render", parents=[common, image, changes], help="render a preset to linear 32-bit EXR")
+    render.add_argument("preset", help="name of a preset, or a .toml file")
+    render.add_argument("--out", type=Path, help="the EXR to write (NAME-ENGINE.exr); a .png beside it shows it")
+
+    verify = commands.add_parser("verify", parents=[common, image, changes],
+                                 help="render, compare with the reference and state the error")
+    verify.add_argument("preset", nargs="+", help="names of presets, or .toml files; 'all' for every preset")
+    verify.add_argument("--repeats", type=_positive, help="independent renders with consecutive seeds (8)")
+    verify.add_argument("--tolerance", type=_tolerance, help="largest mean relative error, such as 0.005 or 0.5%% "
+                        "(Cycles 0.5%%, EEVEE: stated but not judged)")
+    verify.add_argument("--out", type=Path, default=Path("out"), help="folder for EXR, JSON and the report picture (out)")
+
+    tour = commands.add_parser("tour", parents=[common], help="one preset of each family in Cycles with its error")
+    tour.add_argument("--out", type=Path, default=Path("out"), help="folder for the contact sheet (out)")
+    tour.add_argument("--size", type=_size, default=96, help="pixels along the longer side (96)")
+
+    table = commands.add_parser("table", parents=[common], help="Markdown tables for the documentation")
+    table.add_argument("what", choices=("presets", "parameters"))
+    table.add_argument("--from", dest="source", type=Path, default=Path("out"), help="folder of verify's JSON files (out)")
+
+    commands.add_parser("doctor", parents=[common], help="what this machine has and what is missing")
+    return top
+
+
+def main(argv: Sequence[str] | None = None, program: str = "volumetrics") -> int:
+    """Run one command; returns the exit code."""
+    try:
+        arguments = parser(program).parse_args(argv)
+    except SystemExit as stop:  # argparse has printed help or its message
+        return stop.code if isinstance(stop.code, int) else USAGE
+    progress = Progress(getattr(arguments, "quiet", False))
+    try:
+        return COMMANDS[arguments.command](arguments, progress)
+    except (PresetError, ParameterError) as error:
+        return _fail(progress, error, USAGE)
+    except ImportError as error:
+        from .doctor import bpy_remedy
+
+        return _fail(progress, f"{error}\n  remedy: {bpy_remedy(error)}\n  see also: {program} doctor", FAILED)
+    except (OSError, RuntimeError, ValueError) as error:
+        return _fail(progress, error, FAILED)
+    except KeyboardInterrupt:
+        return _fail(progress, "interrupted; nothing half-written is left", INTERRUPTED)
+
+
+def _fail(progress: Progress, message: object, code: int) -> int:
+    progress.clear()
+    print(f"volumetrics: {message}", file=sys.stderr)
+    return code
+
+
+def _say(arguments: argparse.Namespace, text: str) -> None:
+    if not arguments.quiet and not arguments.json:
+        print(text, flush=True)
+
+
+def _changed(arguments: argparse.Namespace, preset: Preset) -> Preset:
+    """The preset with the values given on the command line."""
+    changes: dict[str, dict[str, Any]] = {preset.family: {}, STAGE.name: {}}
+    for group in (*FAMILIES.values(), STAGE):
+        for parameter in group.parameters:
+            text = getattr(arguments, f"{group.name}.{parameter.name}")
+            if text is None:
+                continue
+            if group.name not in changes:
+                raise ParameterError(f"{_option(group, parameter)} does not belong to {preset.name}, which is a "
+                                     f"{preset.family}; use the options --{preset.family}.*")
+            changes[group.name][parameter.name] = parameter.parse(text)
+    return preset.changed(changes[preset.family], changes[STAGE.name])
+
+
+def _list(arguments: argparse.Namespace, progress: Progress) -> int:
+    presets = [load(name) for name in names()]
+    if arguments.json:
+        print(json.dumps([{"name": p.name, "family": p.family, "label": p.label, "description": p.description}
+                          for p in presets], indent=2))
+        return OK
+    for preset in presets:
+        print(f"{preset.name:<20} {preset.family:<8} {preset.description}")
+    return OK
+
+
+def _show(arguments: argparse.Namespace, progress: Progress) -> int:
+    preset = _changed(arguments, load(arguments.preset))
+    if arguments.toml:
+        print(to_toml(preset), end="")
+    elif arguments.json:
+        print(json.dumps({"name": preset.name, "family": preset.family, "label": preset.label,
+                          "description": preset.description, "parameters": preset.parameters, "stage": preset.stage,
+                          "props": list(preset.props)}, indent=2))
+    else:
+        print(f"{preset.label} ({preset.family})\n{preset.description}")
+        for group, values in ((preset.group, preset.parameters), (STAGE, preset.stage)):
+            print(f"\n{group.label}")
+            for parameter in group.parameters:
+                print(f"  {parameter.name:<22} {_shown(values[parameter.name]):<26} {parameter.limits}")
+        if preset.props:
+            print(f"\n{len(preset.props)} props")
+    return OK
+
+
+def _shown(value: Any) -> str:
+    return ", ".join(f"{v:g}" for v in value) if isinstance(value, tuple) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _render(arguments: argparse.Namespace, progress: Progress) -> int:
+    preset = _changed(arguments, load(arguments.preset))
+    from .. import verify
+    from ..blender import render
+    from ..compare.png import write_png
+    from ..compare.report import display
+
+    out = arguments.out or Path(f"{preset.name}-{arguments.engine}.exr")
+    if out.suffix.lower() != ".exr":
+        raise ParameterError(f"--out {out} is not allowed; the picture is linear EXR, end the name with .exr")
+    width, height = verify.image_size(preset, arguments.size or 512)
+    samples = arguments.samples or SAMPLES[arguments.engine]
+    rendered = render.render(preset, verify.scene_of(preset), arguments.engine, width, height, samples, seed=arguments.seed,
+                             quiet=not arguments.engine_output, progress=lambda share: progress(arguments.engine, share))
+    render.write_exr(out, rendered.images[0])
+    shown = out.with_suffix(".png")
+    write_png(shown, display(rendered.images[0], preset.stage["exposure"]))
+    progress.clear()
+    if arguments.json:
+        print(json.dumps({"preset": preset.name, "engine": arguments.engine, "width": width, "height": height,
+                          "samples": samples, "seed": arguments.seed, "seconds": rendered.seconds,
+                          "exr": str(out), "png": str(shown),
+                          "decisions": [vars(decision) for decision in rendered.plan.decisions]}, indent=2))
+    _say(arguments, f"{out} and {shown} ({width} x {height}, {samples} samples, {rendered.seconds:.1f} s)")
+    return OK
+
+
+def _verify(arguments: argparse.Namespace, progress: Progress) -> int:
+    from .. import verify
+
+    chosen = names() if arguments.preset == ["all"] else arguments.preset
+    presets = [_changed(arguments, load(name)) for name in chosen]
+    tolerance = arguments.tolerance if arguments.tolerance is not None else verify.TOLERANCE[arguments.engine]
+    results, code = [], OK
+    for preset in presets:
+        result = verify.verify(
+            preset, arguments.engine, arguments.size or SIZE, arguments.samples or SAMPLES[arguments.engine],
+            repeats=arguments.repeats or verify.REPEATS, seed=arguments.seed, quiet=not arguments.engine_output,
+            progress=lambda what, share, name=preset.name: progress(f"{name}: {what}", share))
+        paths = verify.write(result, arguments.out)
+        progress.clear()
+        passed = result.passes(tolerance)
+        code = code if passed else WORSE
+        results.append({**result.to_json(), "tolerance": tolerance, "passed": passed,
+                        "files": {kind: str(path) for kind, path in paths.items()}})
+        verdict = "" if tolerance is None else "  ok" if passed else f"  WORSE than {tolerance:.2%}"
+        _say(arguments, f"{preset.name:<18} {arguments.engine:<7} {summary(results[-1])}{verdict}")
+    if arguments.json:
+        print(json.dumps(results, indent=2))
+    else:
+        _say(arguments, f"reports in {arguments.out}")
+    return code
+
+
+def summary(result: dict) -> str:
+    """One line: mean error with its interval, RMSE without noise, pixels passing."""
+    c = result["comparison"]
+    if c["mean_relative_error"] is None:
+        return f"reference is black, mean difference {c['mean_difference']:.3g}"
+    low, high = c["mean_relative_interval"] or (float("nan"),) * 2
+    interval = f"[{low:+.3%}, {high:+.3%}]"
+    return (f"mean error {c['mean_relative_error']:+.3%} {interval}  rmse {c['rmse_denoised']:.2%}  "
+            f"pixels passing {c['z_pass_fraction']:.2%}  render {result['render_seconds']:.1f} s")
+
+
+# One preset of each family for the first picture: (name, samples, repeats), chosen to finish in under two minutes.
+TOUR = (("cumulus", 24, 2), ("emerald-sphere", 64, 4), ("morning-valley", 48, 3), ("theatre-slats", 64, 4))
+
+
+def _tour(arguments: argparse.Namespace, progress: Progress) -> int:
+    from .. import verify
+    from ..blender.text import text_mask
+    from ..compare.png import write_png
+    from ..compare.report import contact_sheet, display
+
+    cells, results = [], []
+    for name, samples, repeats in TOUR:
+        preset = load(name)
+        result = verify.verify(preset, CYCLES, arguments.size, samples, repeats=repeats,
+                               progress=lambda what, share, name=name: progress(f"{name}: {what}", share))
+        progress.clear()
+        figures = result.to_json()
+        results.append(figures)
+        _say(arguments, f"{name:<18} {summary(figures)}")
+        c = result.comparison
+        low, high = c.mean_relative_interval
+        cells.append((display(result.render, preset.stage["exposure"]), preset.label,
+                      [f"{preset.group.label}, {result.render_seconds:.1f} s",
+                       f"mean error {c.mean_relative_error:+.2%} [{low:+.2%}, {high:+.2%}]"]))
+    path = arguments.out / "tour.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_png(path, contact_sheet(cells, text_mask, "Volumetrics: Cycles against its reference"))
+    if arguments.json:
+        print(json.dumps({"sheet": str(path), "results": results}, indent=2))
+    _say(arguments, f"contact sheet: {path}")
+    return OK
+
+
+def _table(arguments: argparse.Namespace, progress: Progress) -> int:
+    from . import tables
+
+    print(tables.parameters() if arguments.what == "parameters" else tables.presets(arguments.source))
+    return OK
+
+
+def _doctor(arguments: argparse.Namespace, progress: Progress) -> int:
+    from . import doctor
+
+    results = doctor.checks()
+    if arguments.json:
+        print(json.dumps(doctor.to_json(results), indent=2))
+    else:
+        for check in results:
+            mark = "ok     " if check.ok else "MISSING" if check.required else "without"
+            print(f"{mark} {check.name}: {check.detail}")
+            if check.remedy:
+                print(f"        {check.remedy}")
+    return OK if all(check.ok for check in results if check.required) else FAILED
+
+
+COMMANDS: dict[str, Callable[[argparse.Namespace, Progress], int]] = {
+    "list": _list, "show": _show, "render": _render, "verify": _verify, "tour": _tour, "table": _table, "doctor": _doctor,
+}
+
+
+def console() -> int:
+    """Entry point of the installed command."""
+    return main()

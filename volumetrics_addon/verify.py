@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The whole street: a preset is rendered, compared with its reference, and its error stated."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .blender import compat, render
+from .blender.text import text_mask
+from .compare.png import write_png
+from .compare.report import report_picture
+from .compare.statistics import Comparison, Estimate, compare
+from .parameters.preset import Preset
+from .plan.model import CYCLES, EEVEE
+from .reference.result import Result
+from .reference.select import integrator
+from .scene import assemble
+from .scene.model import Scene
+
+# Default tolerances of the mean relative error; EEVEE approximates, so its error is stated and by default not judged.
+TOLERANCE = {CYCLES: 0.005, EEVEE: None}
+REPEATS = 8
+
+
+@dataclass(frozen=True)
+class Verification:
+    """One preset, one engine, one stated error."""
+
+    preset: Preset
+    engine: str
+    comparison: Comparison
+    render: np.ndarray
+    reference: Result
+    render_seconds: float
+    samples: int
+    repeats: int
+    notes: tuple[str, ...]
+
+    def passes(self, tolerance: float | None) -> bool:
+        """Whether the mean relative error is within the tolerance; Cycles' pixels have to pass the Z-test too."""
+        if tolerance is None:
+            return True
+        if self.engine == CYCLES:
+            return self.comparison.passes(tolerance)
+        error = self.comparison.mean_relative_error
+        return error is not None and abs(error) <= tolerance
+
+    def to_json(self) -> dict:
+        import bpy
+
+        return {
+            "preset": self.preset.name,
+            "family": self.preset.family,
+            "engine": self.engine,
+            "blender": bpy.app.version_string,
+            "width": self.render.shape[1],
+            "height": self.render.shape[0],
+            "samples": self.samples,
+            "repeats": self.repeats,
+            "render_seconds": round(self.render_seconds, 3),
+            "reference": {
+                "integrator": self.reference.integrator,
+                "seconds": round(self.reference.seconds, 3),
+                "evaluations": self.reference.evaluations,
+                "systematic_error": self.reference.systematic,
+            },
+            "comparison": self.comparison.to_json(),
+            "notes": list(self.notes),
+        }
+
+
+def scene_of(preset: Preset) -> Scene:
+    return assemble.scene(preset.family, preset.parameters, preset.stage, preset.props)
+
+
+def image_size(preset: Preset, size: int) -> tuple[int, int]:
+    """Width and height of a picture whose longer side is ``size``, at the stage's aspect."""
+    aspect = preset.stage["aspect"]
+    width, height = (size, size / aspect) if aspect >= 1.0 else (size * aspect, size)
+    return max(1, round(width)), max(1, round(height))
+
+
+def reference_of(scene: Scene, width: int, height: int, *, repeats: int = 4, strata: int = 4, seed: int = 1,
+                 progress: Callable[[float], None] | None = None) -> Result:
+    """The best reference image of the scene, with its error."""
+    return integrator(scene).render(scene, width, height, repeats=repeats, strata=strata, seed=seed, progress=progress)
+
+
+def verify(preset: Preset, engine: str, size: int, samples: int, *, repeats: int = REPEATS, seed: int = 0,
+           reference: Result | None = None, quiet: bool = True,
+           progress: Callable[[str, float], None] | None = None) -> Verification:
+    """Render the preset, compare it with its reference and state the error."""
+    report = progress or (lambda stage, share: None)
+    scene = scene_of(preset)
+    width, height = image_size(preset, size)
+    rendered = render.render(preset, scene, engine, width, height, samples, repeats=repeats, seed=seed, quiet=quiet,
+                             progress=lambda share: report(engine, share))
+    if reference is None:
+        reference = reference_of(scene, width, height, progress=lambda share: report("reference", share))
+    count = len(rendered.images)
+    measured = Estimate.from_repeats(rendered.images) if count > 1 else Estimate.exact(rendered.images[0])
+    comparison = compare(measured, Estimate.from_repeats(reference.repeats))
+    return Verification(preset, engine, comparison, rendered.images.mean(axis=0), reference, rendered.seconds, samples,
+                        count, tuple(explain(scene, engine, preset)))
+
+
+def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
+    """Why an engine's error is what it is, in the engine's own terms."""
+    if engine == CYCLES:
+        return []
+    notes = []
+    if scene.is_dielectric:
+        notes.append("EEVEE traces refraction in screen space, through one inner path without inner reflection")
+    elif any(volume.medium.scatters for volume in scene.volumes):
+        notes.append("EEVEE stores the medium in froxels of 11-bit floats and marches shadows through them")
+        if scene.orders > 1:
+            notes.append(f"EEVEE scatters once where the scene follows {scene.orders} orders")
+        if any(volume.medium.phase.weight > 0.0 for volume in scene.volumes):
+            notes.append("EEVEE has one HG lobe, here the mean cosine of two")
+        if max(scene.environment) > 0.0:
+            notes.append("EEVEE lights the medium from the environment without shadow")
+    return notes
+
+
+def write(verification: Verification, folder: Path) -> dict[str, Path]:
+    """EXR of render and reference, report picture and JSON in ``folder``; each file appears whole or not at all."""
+    stem = f"{verification.preset.name}-{verification.engine}"
+    paths = {kind: folder / name for kind, name in (
+        ("render", f"{stem}.exr"), ("reference", f"{verification.preset.name}-reference.exr"),
+        ("report", f"{stem}.png"), ("json", f"{stem}.json"))}
+    folder.mkdir(parents=True, exist_ok=True)
+    render.write_exr(paths["render"], verification.render)
+    render.write_exr(paths["reference"], verification.reference.image)
+    write_png(paths["report"], picture(verification))
+    with render.whole_file(paths["json"]) as partial:
+        partial.write_text(json.dumps(verification.to_json(), indent=2) + "\n", encoding="utf-8")
+    return paths
+
+
+def picture(verification: Verification) -> np.ndarray:
+    """Render, reference and signed error side by side with the numbers."""
+    import bpy
+
+    preset = verification.preset
+    lines = [
+        f"{'Cycles' if verification.engine == CYCLES else 'EEVEE'}, Blender {bpy.app.version_string}, "
+        f"{verification.repeats} x {verification.samples} samples in {verification.render_seconds:.1f} s",
+        f"reference: {verification.reference.integrator.replace('_', ' ')} in {verification.reference.seconds:.1f} s",
+        *verification.notes,
+    ]
+    return report_picture(verification.render, verification.reference.image, verification.comparison, preset.label, lines,
+                          text_mask, preset.stage["exposure"])
