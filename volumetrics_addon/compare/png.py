@@ -36,7 +36,7 @@ def encode_png(image):
             _SIGNATURE,
             _chunk(b"IHDR", header),
             _chunk(b"sRGB", b"\x00"),
-            _chunk(b"IDAT", zlib.compress(_scanlines(image), 9)),
+            _chunk(b"IDAT", zlib.compress(_scanlines(image), 6)),
             _chunk(b"IEND", b""),
         )
     )

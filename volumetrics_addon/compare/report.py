@@ -27,6 +27,7 @@ _FAULT = (255, 0, 255)
 # Lengths and text sizes, pixels.
 _MARGIN = 36
 _GAP = 24
+_ROW_GAP = 34
 _PADDING = 16
 _PANEL = 480
 _LEAST_COLUMN = 300
@@ -36,6 +37,7 @@ _LEAST_SIZE = 10
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec.709
 _SHEET_ASPECT = 1.6
+_RADIANCE = "W m⁻² sr⁻¹"
 
 
 # Colour ---------------------------------------------------------------------------------------
@@ -77,8 +79,8 @@ def _to_bytes(y):
 def diverging_map(x):
     """Colours uint8 (..., 3) for x (...) in -1..1: blue below zero, near black, orange above.
 
-    Lightness grows evenly with |x| and is the same on both sides (OKLab), so the size of an
-    error reads as brightness and its sign as hue. The centre is dark, as the report is: what is
+    Lightness grows evenly with |x|, and lightness and chroma are the same on both sides (OKLab),
+    so the size of an error reads as brightness and its sign as hue. The centre is dark, as the report is: what is
     right recedes, what is wrong glows. Values outside are clipped to the ends.
     """
     table = _diverging_table()
@@ -90,28 +92,18 @@ def diverging_map(x):
 @lru_cache(maxsize=1)
 def _diverging_table():
     size = np.linspace(0.0, 1.0, 513)
-    below = _ramp(size, hues=(268.0, 222.0))
-    above = _ramp(size, hues=(28.0, 82.0))
+    below = _ramp(size, hues=(265.0, 230.0))
+    above = _ramp(size, hues=(30.0, 60.0))
     return np.concatenate((below[:0:-1], above))
 
 
 def _ramp(size, hues):
     """Colours from the dark centre to the light end at |x| = `size`, turning through `hues`."""
     lightness = 0.17 + 0.76 * size
-    # More colour in the middle; the ends of lightness hold little.
-    chroma = 0.20 * np.sin(math.pi * size**0.85) ** 0.8 + 0.03 * size
+    # The most colour that sRGB can show on both sides at every lightness on the way.
+    chroma = 0.135 * (np.sin(math.pi * size**0.9) + 0.15 * size**2)
     hue = np.radians(hues[0] + (hues[1] - hues[0]) * size)
-    # The largest chroma up to the wished one that sRGB can show.
-    low, high = np.zeros_like(chroma), chroma
-    for _ in range(24):
-        middle = 0.5 * (low + high)
-        fits = _in_gamut(_oklch_to_linear(lightness, middle, hue))
-        low, high = np.where(fits, middle, low), np.where(fits, high, middle)
-    return _to_bytes(_srgb_encode(np.clip(_oklch_to_linear(lightness, low, hue), 0.0, 1.0)))
-
-
-def _in_gamut(rgb):
-    return np.all((rgb >= 0.0) & (rgb <= 1.0), axis=-1)
+    return _to_bytes(_srgb_encode(_oklch_to_linear(lightness, chroma, hue)))
 
 
 def _oklch_to_linear(lightness, chroma, hue):
@@ -173,7 +165,7 @@ def _report_page(render, reference, comparison, title, lines, text_mask, exposur
         _panel(page, left, top, column, label, picture)
     below = page.bottom + 10
     for left, mean in zip(lefts, (comparison.mean_render, comparison.mean_reference), strict=False):
-        note = f"mean radiance {_number(mean)} W m⁻² sr⁻¹ · exposure {_stops(exposure_stops)}"
+        note = f"mean {_number(mean)} {_RADIANCE}{_exposure(exposure_stops)}"
         page.line(note, left, below, _NOTE, _QUIET, column)
     _color_bar(page, lefts[2], below, width, scale, unit)
     _cards(page, page.bottom + _GAP, _figures(comparison))
@@ -210,7 +202,7 @@ def _sheet_page(cells, text_mask, title):
     page = _Page(text_mask, columns * box[1] + (columns - 1) * _GAP)
     _heading(page, title, ())
     for start in range(0, len(cells), columns):
-        top = page.bottom + _GAP
+        top = page.bottom + (_ROW_GAP if start else _GAP)
         for column, cell in enumerate(cells[start : start + columns]):
             _cell(page, _MARGIN + column * (box[1] + _GAP), top, box, cell)
     return page
@@ -231,6 +223,7 @@ def _columns(count, box):
 
 def _cell(page, left, top, box, cell):
     height, width = _fitted(np.shape(cell.image)[:2], box)
+    page.rectangle(left - 1, top - 1, box[1] + 2, box[0] + 2, _HAIRLINE)
     page.rectangle(left, top, box[1], box[0], _CARD)
     page.picture(
         _shown(cell, height, width), left + (box[1] - width) // 2, top + (box[0] - height) // 2
@@ -258,7 +251,7 @@ def signed_error(render, reference):
     render, reference = (np.asarray(image, dtype=np.float64) @ _LUMINANCE for image in (render, reference))
     mean = reference.mean()
     if mean <= 0.0:
-        return render - reference, "W m⁻² sr⁻¹"
+        return render - reference, _RADIANCE
     return (render - reference) / np.maximum(reference, DARK_PIXEL_FRACTION * mean), "%"
 
 
@@ -307,29 +300,44 @@ class _Figure(NamedTuple):
 
 
 def _figures(c):
-    passing = c.z_pass_fraction >= REQUIRED_PASS_FRACTION
-    # Rounded down: one failing pixel must not read as 100 %.
-    share = math.floor(c.z_pass_fraction * 1e4) / 100.0
-    pixels = _Figure(
-        "Pixels explained by noise",
-        f"{share:.2f} %",
-        f"{100 * REQUIRED_PASS_FRACTION:.2f} % needed · test at {_number(100 * c.significance, True)} %",
-        _GOOD if passing else _BAD,
-    )
-    level = f"{_number(100 * c.confidence, True)} % interval"
+    pixels = _pixel_figure(c)
     if c.mean_relative_error is None:
-        low, high = c.mean_difference_interval
         mean = _Figure(
-            "Mean difference", _signed(c.mean_difference), f"{level} {_signed(low)} … {_signed(high)}"
+            f"Mean difference, {_RADIANCE}",
+            _signed(c.mean_difference),
+            _interval(c, c.mean_difference_interval, _signed),
         )
-        return (mean, _Figure("RMS difference", _number(c.rms_difference), "noise included"), pixels)
-    low, high = c.mean_relative_interval
-    return (
-        _Figure("Mean error", _percent(c.mean_relative_error, True), f"{level} {_percent(low, True)} … {_percent(high, True)}"),
-        _Figure("RMSE after noise", _resolved(c), f"{_percent(c.rmse)} with noise · floor {_percent(c.rmse_noise_floor)}"),
-        pixels,
-        _Figure("95th percentile", _percent(c.percentile95), "of the error of single pixels, with noise"),
+        rms = _Figure(f"RMS difference, {_RADIANCE}", _number(c.rms_difference), "noise included")
+        return (mean, rms, pixels)
+    mean = _Figure(
+        "Mean error",
+        _signed_percent(c.mean_relative_error),
+        _interval(c, c.mean_relative_interval, _signed_percent),
     )
+    floor = _percent(c.rmse_noise_floor)
+    rmse = _Figure("RMSE after noise", _resolved(c), f"{_percent(c.rmse)} with noise · floor {floor}")
+    single = _Figure("95th percentile", _percent(c.percentile95), "error of single pixels, with noise")
+    return (mean, rmse, pixels, single)
+
+
+def _pixel_figure(c):
+    # Rounded down: one failing pixel must not read as 100 %.
+    share = math.floor(c.z_pass_fraction * 1e4) / 1e4
+    needed = f"{100.0 * REQUIRED_PASS_FRACTION:.2f}{_NBSP}%"
+    return _Figure(
+        "Pixels explained by noise",
+        f"{100.0 * share:.2f}{_NBSP}%",
+        f"{needed} needed · test at {_number(100.0 * c.significance, exact=True)}{_NBSP}%",
+        _GOOD if c.z_pass_fraction >= REQUIRED_PASS_FRACTION else _BAD,
+    )
+
+
+def _interval(c, interval, written):
+    low, high = interval
+    if low == high:
+        return "neither image has noise"
+    level = f"{_number(100.0 * c.confidence, exact=True)}{_NBSP}% interval"
+    return f"{level} {written(low)} … {written(high)}"
 
 
 def _resolved(c):
@@ -354,11 +362,13 @@ def _cards(page, top, figures):
 # Numbers
 
 
+# Keeps a number and its unit on one line; drawn as a plain space.
+_NBSP = "\u00a0"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def _number(value, exact=False):
-    """Three significant digits, or as few as `exact` needs; powers of ten where it is long."""
+    """Three significant digits, or no more than `exact` needs; powers of ten where it is long."""
     value = float(value)
     if value == 0.0:
         return "0"
@@ -377,12 +387,16 @@ def _signed(value):
     return f"+{_number(value)}" if value > 0 else _number(value)
 
 
-def _percent(fraction, signed=False):
-    return f"{(_signed if signed else _number)(100.0 * fraction)} %"
+def _percent(fraction):
+    return f"{_number(100.0 * fraction)}{_NBSP}%"
 
 
-def _stops(stops):
-    return f"{_signed(stops)} stops" if stops else "unchanged"
+def _signed_percent(fraction):
+    return f"{_signed(100.0 * fraction)}{_NBSP}%"
+
+
+def _exposure(stops):
+    return f" · shown at {_signed(stops)} stops" if stops else ""
 
 
 # Page -----------------------------------------------------------------------------------------
@@ -411,6 +425,7 @@ class _Page:
 
         align : 0 at the left of `width`, 0.5 in its middle, 1 at its right.
         """
+        string = string.replace(_NBSP, " ")
         while size > _LEAST_SIZE and self._wide(string, size) > width:
             size -= 1
         if self._wide(string, size) > width:
@@ -431,10 +446,11 @@ class _Page:
 
     def _wrapped(self, string, size, width):
         def fits(part):
-            return self._wide(part, size) <= width
+            return self._wide(part.replace(_NBSP, " "), size) <= width
 
         lines = [""]
-        for word in string.split():
+        # Not split(), which would also break at non-breaking spaces.
+        for word in string.replace("\n", " ").split(" "):
             longer = f"{lines[-1]} {word}".strip()
             if fits(longer):
                 lines[-1] = longer

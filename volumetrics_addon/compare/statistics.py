@@ -425,7 +425,8 @@ def _compare_spreads(difference, render, reference, confidence, relative):
         dark = DARK_PIXEL_FRACTION * mean
         figures["rmse"] = figures["rms_difference"] / mean
         figures["rmse_denoised"] = math.sqrt(max(0.0, excess.mean())) / mean
-        figures["rmse_noise_floor"] = _noise_floor(excess, confidence) / mean
+        noisy = (render.standard_error > 0.0) | (reference.standard_error > 0.0)
+        figures["rmse_noise_floor"] = _noise_floor(excess * noisy, confidence) / mean
         figures["percentile95"] = float(
             np.percentile(np.abs(difference) / np.maximum(reference.value, dark), 95.0)
         )
@@ -436,8 +437,9 @@ def _noise_floor(excess, confidence):
     """Root of the quantile, over noise alone, of the mean of `excess` = d**2 - variances.
 
     Its expectation without bias is zero, so its own mean square is its variance, whatever the
-    distribution of the noise. Channels of a pixel share their light paths, hence are averaged
-    first. Errors that are all zero give a floor of zero.
+    distribution of the noise; a bias raises the floor too, but by less than the RMSE if
+    it reaches three pixels or more. Channels of a pixel share their light paths, hence are
+    averaged first. Pixels without noise come in as zero and add nothing.
     """
     pixels = excess.mean(axis=-1)
     error_of_mean = math.sqrt(np.mean(pixels**2) / pixels.size)

@@ -18,6 +18,15 @@ class ParameterError(ValueError):
     """A value that its declaration refuses; the message names value, limit and remedy."""
 
 
+def shown(value: Any) -> str:
+    """The value as a message shows it: at most 80 characters, whatever it is."""
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # an integer of thousands of digits, or values nested too deeply
+        text = f"<{type(value).__name__} too long to write>"
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One declared parameter.
@@ -85,22 +94,22 @@ class Parameter:
             case "choice":
                 names = [name for name, _ in self.choices]
                 if value not in names:
-                    self._refuse(value, f"choose {self.limits}")
+                    self._refuse(value, "choose one of these")
                 return value
             case "text":
                 if not isinstance(value, str) or len(value) > self.maximum:
-                    self._refuse(value, f"write {self.limits}")
+                    self._refuse(value, "shorten it, in quotes")
                 return value
             case "int":
                 if isinstance(value, bool) or not isinstance(value, int):
                     self._refuse(value, "write a whole number")
-                return int(self._check_number(value))
+                return int(self._check_number(value, value))
             case "float":
-                return self._check_number(value)
+                return self._check_number(value, value)
             case _:
                 if not isinstance(value, (list, tuple)) or len(value) != 3:
                     self._refuse(value, "write three numbers, such as [1.0, 1.0, 1.0]")
-                return tuple(self._check_number(component) for component in value)
+                return tuple(self._check_number(component, value) for component in value)
 
     def parse(self, text: str) -> Any:
         """The value from a command-line word: triples as ``r,g,b``."""
@@ -117,29 +126,27 @@ class Parameter:
         except ParameterError:
             raise
         except ValueError:
-            self._refuse(text, f"give {self.limits}")
+            self._refuse(text, "give three numbers as 1,1,1" if self.kind in ("color", "vector") else "give a number")
         return self.check(text)
 
-    def _check_number(self, value: Any) -> float:
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            self._refuse(value, f"write a number {self.limits}")
+    def _check_number(self, component: Any, value: Any) -> float:
+        """The component as a float; ``value`` is what the message shows, all three of a triple."""
+        if isinstance(component, bool) or not isinstance(component, (int, float)):
+            self._refuse(value, "write a number")
         try:
-            number = float(value)
+            number = float(component)
         except OverflowError:
-            self._refuse("an integer beyond float range", f"keep it {self.limits}")
+            self._refuse(value, "bring it within these limits")
         if not math.isfinite(number):
             self._refuse(value, "write a finite number")
         below = self.minimum is not None and (number <= self.minimum if self.exclusive_minimum else number < self.minimum)
         above = self.maximum is not None and number > self.maximum
         if below or above:
-            self._refuse(value, f"keep it {self.limits}")
+            self._refuse(value, "bring it within these limits")
         return number
 
     def _refuse(self, value: Any, remedy: str) -> None:
-        shown = repr(value)
-        if len(shown) > 80:
-            shown = shown[:77] + "..."
-        raise ParameterError(f"{self.name} = {shown} is not allowed (allowed: {self.limits}); {remedy}")
+        raise ParameterError(f"{self.name} = {shown(value)} is not allowed (allowed: {self.limits}); {remedy}")
 
 
 @dataclass(frozen=True)
@@ -176,7 +183,7 @@ class Group:
         known = {parameter.name for parameter in self.parameters}
         for name in values:
             if name not in known:
-                raise ParameterError(f"unknown key {name!r} in {self.name}; known keys: {', '.join(sorted(known))}")
+                raise ParameterError(f"unknown key {shown(name)} in {self.name}; known keys: {', '.join(sorted(known))}")
         result = self.defaults()
         for name, value in values.items():
             result[name] = self[name].check(value)

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any, Mapping
 
 from .families import FAMILIES
-from .model import Group, Parameter, ParameterError
+from .model import Group, Parameter, ParameterError, shown
 from .stage import PROP, STAGE
 
 FORMAT = 1
-MAX_BYTES = 1 << 20
+MAX_BYTES = 1 << 17  # MAX_PROPS props with every digit take 1 << 16
 MAX_PROPS = 256
+MAX_DOTS = 256  # in one line: the parser's time grows with the square of the parts of a dotted key
 
 _HEADER = Group("preset", "Preset", "Name and description of a preset.", (
     Parameter("label", "text", "", "Name shown to the user.", maximum=80),
@@ -66,7 +67,7 @@ def load(name_or_path: str | Path) -> Preset:
     path = Path(text)
     if path.suffix != ".toml":
         if text not in names():
-            raise PresetError(f"no preset is named {text!r}; known: {', '.join(names())}; "
+            raise PresetError(f"no preset is named {shown(text)}; known: {', '.join(names())}; "
                               "or give the path of a .toml file")
         path = directory() / f"{text}.toml"
     return parse(_read(path), path)
@@ -75,7 +76,8 @@ def load(name_or_path: str | Path) -> Preset:
 def _read(path: Path) -> bytes:
     try:
         if not path.is_file():
-            raise PresetError(f"{path}: there is no such file; check the path")
+            reason = "this is not a file" if path.exists() else "there is no such file"
+            raise PresetError(f"{path}: {reason}; check the path")
         size = path.stat().st_size
         if size > MAX_BYTES:
             raise PresetError(f"{path}: the file has {size} bytes, a preset at most {MAX_BYTES}; is it a preset?")
@@ -90,8 +92,11 @@ def _read(path: Path) -> bytes:
 
 def parse(data: bytes, path: Path) -> Preset:
     """The preset in ``data``; ``path`` names it and appears in messages. Raises PresetError."""
+    dots = max(line.count(b".") for line in data.split(b"\n"))
+    if dots > MAX_DOTS:
+        raise PresetError(f"{path}: a line has {dots} dots, a preset at most {MAX_DOTS}; break the line")
     try:
-        document = tomllib.loads(data.decode("utf-8"))
+        document = tomllib.loads(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise PresetError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8") from None
     except tomllib.TOMLDecodeError as error:
@@ -101,12 +106,12 @@ def parse(data: bytes, path: Path) -> Preset:
         raise PresetError(f"{path}: cannot be parsed ({type(error).__name__}); simplify the file") from None
 
     version = document.pop("format", None)
-    if isinstance(version, bool) or version != FORMAT:
-        raise PresetError(f"{path}: format = {version!r} is not supported; this version reads format = {FORMAT}, "
+    if type(version) is not int or version != FORMAT:
+        raise PresetError(f"{path}: format = {shown(version)} is not supported; this version reads format = {FORMAT}, "
                           "write that at the top or update Volumetrics")
     family = document.pop("family", None)
     if not isinstance(family, str) or family not in FAMILIES:
-        raise PresetError(f"{path}: family = {family!r} is not known; choose one of {', '.join(FAMILIES)}")
+        raise PresetError(f"{path}: family = {shown(family)} is not known; choose one of {', '.join(FAMILIES)}")
 
     parameters = _table(path, "parameters", FAMILIES[family], document.pop("parameters", {}))
     stage = _table(path, "stage", STAGE, document.pop("stage", {}))

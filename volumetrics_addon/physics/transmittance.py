@@ -72,11 +72,13 @@ def height_optical_depth(z, dir_z, distance, sigma_0, scale_height, base_height=
 
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         low = z - base_height + _times(np.minimum(dir_z, 0.0), distance)
-        path = _falloff_path(np.abs(dir_z), distance, scale_height)
+        log_path = _log_falloff_path(np.abs(dir_z), distance, scale_height)
         # One exponential of a sum: a product of an enormous density and a tiny
         # path would overflow before it shrinks.
-        depth = np.exp(-low / scale_height + np.log(sigma_0) + np.log(path))
-    return np.where((sigma_0 == 0) | (path == 0), 0.0, depth)[()]
+        depth = np.exp(-low / scale_height + np.log(sigma_0) + log_path)
+    # Where one term of the sum is infinite it decides, whatever the others are.
+    depth = np.where(log_path == np.inf, np.inf, depth)
+    return np.where((sigma_0 == 0) | (log_path == -np.inf), 0.0, depth)[()]
 
 
 def height_transmittance(z, dir_z, distance, sigma_0, scale_height, base_height=0.0):
@@ -86,15 +88,16 @@ def height_transmittance(z, dir_z, distance, sigma_0, scale_height, base_height=
     )
 
 
-def _falloff_path(slope, distance, scale_height):
-    """Integral of exp(-t slope / H) over t in [0, distance]: metres at the lower end's density."""
+def _log_falloff_path(slope, distance, scale_height):
+    """ln of the integral of exp(-t slope / H) over t in [0, distance]."""
     drop = _times(slope, distance) / scale_height
     steep = drop > 1
-    # expm1(x) / x, whose limit at 0 is 1.
-    level = np.where(steep | (drop == 0), 1.0, drop)
-    gentle_path = distance * np.where(drop == 0, 1.0, -np.expm1(-level) / level)
-    steep_path = scale_height / np.where(steep, slope, 1.0) * -np.expm1(-drop)
-    return np.where(steep, steep_path, gentle_path)
+    # (1 - exp(-x)) / x, whose limit at 0 is 1.
+    gentle_drop = np.where(steep | (drop == 0), 1.0, drop)
+    mean = np.where(drop == 0, 1.0, -np.expm1(-gentle_drop) / gentle_drop)
+    gentle = np.log(distance) + np.log(mean)
+    whole = np.log(scale_height) - np.log(np.where(steep, slope, 1.0))
+    return np.where(steep, whole + np.log1p(-np.exp(-np.where(steep, drop, 1.0))), gentle)
 
 
 # --- depth fogs --------------------------------------------------------------

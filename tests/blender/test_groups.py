@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The node trees as sorted text, one snapshot for both Blender LTS.
+
+Rewrite the snapshots with:  VOLUMETRICS_UPDATE_SNAPSHOTS=1 python -m pytest tests/blender/test_groups.py
+"""
+
+import os
+from pathlib import Path
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from volumetrics_addon.blender import build, groups  # noqa: E402
+from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
+from volumetrics_addon.parameters.preset import load, names  # noqa: E402
+from volumetrics_addon.verify import scene_of  # noqa: E402
+
+SNAPSHOTS = Path(__file__).parent / "snapshots"
+# What tells one node from another of its type; versions add properties of their own.
+PROPERTIES = ("operation", "use_clamp", "target", "phase", "noise_dimensions", "noise_type", "normalize", "vector_type",
+              "convert_from", "convert_to")
+
+
+def plain(value):
+    if hasattr(value, "__len__") and not isinstance(value, str):
+        return "(" + ", ".join(f"{v:.6g}" for v in value) + ")"
+    return f"{value:.6g}" if isinstance(value, float) else repr(value)
+
+
+def describe(tree):
+    """Every node with its settings, unlinked values and links, as sorted lines. Nodes are named by their inputs' tree."""
+    known = {}
+
+    def text(node):
+        if node not in known:
+            known[node] = ""  # trees have no loops
+            settings = [f"{p}={getattr(node, p)!r}" for p in PROPERTIES if hasattr(node, p)]
+            inputs = []
+            for socket in node.inputs:
+                if not socket.enabled or socket.identifier.startswith("__extend"):
+                    continue
+                if socket.is_linked:
+                    link = socket.links[0]
+                    index = list(link.from_node.outputs).index(link.from_socket)
+                    inputs.append(f"{list(node.inputs).index(socket)}<-{text(link.from_node)}.{index}")
+                elif hasattr(socket, "default_value"):
+                    inputs.append(f"{list(node.inputs).index(socket)}={plain(socket.default_value)}")
+            known[node] = f"{node.bl_idname}({', '.join(settings + inputs)})"
+        return known[node]
+
+    interface = [f"{item.in_out} {item.name}: {item.socket_type}" for item in tree.interface.items_tree] if tree.interface else []
+    return interface + sorted({text(node) for node in tree.nodes})
+
+
+def variants():
+    yield "cloud-homogeneous-hg", "cloud", {"density": "homogeneous", "phase": "hg"}, "mist"
+    yield "cloud-noise-dual", "cloud", {}, "cumulus"
+    yield "fog", "fog", {}, "fog"
+    yield "godray", "godray", {}, "beam"
+    yield "glass-sphere", "glass", {}, "ball"
+    yield "glass-block", "glass", {"shape": "block"}, "block"
+    yield "glass-tint", "glass", {"refraction": False}, "tint"
+
+
+VARIANTS = list(variants())
+
+
+@pytest.mark.parametrize("snapshot, family, changes, label", VARIANTS, ids=[v[0] for v in VARIANTS])
+def test_node_trees_are_as_recorded(snapshot, family, changes, label):
+    from volumetrics_addon.scene import assemble
+
+    values = FAMILIES[family].check(changes)
+    domain = assemble.ASSEMBLERS[family](values, assemble.Bounds([(-5, -5, 0), (5, 5, 3)])).volumes[0].domain
+    with build.temporary():
+        material = groups.material(family, values, domain, label)
+        node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
+        lines = ["# group", *describe(node.node_tree), "# material", *describe(material.node_tree)]
+    text = "\n".join(lines) + "\n"
+    path = SNAPSHOTS / f"{snapshot}.txt"
+    if os.environ.get("VOLUMETRICS_UPDATE_SNAPSHOTS"):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    assert text == path.read_text(encoding="utf-8")
+
+
+def test_every_snapshot_is_tested():
+    assert {path.stem for path in SNAPSHOTS.glob("*.txt")} == {v[0] for v in VARIANTS}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_live_parameters_are_sockets_with_their_declaration(family):
+    from volumetrics_addon.scene import assemble
+
+    values = FAMILIES[family].defaults()
+    domain = assemble.ASSEMBLERS[family](values, assemble.Bounds([(-5, -5, 0), (5, 5, 3)])).volumes[0].domain
+    with build.temporary():
+        tree = groups.group(family, values, domain, "group")
+        sockets = [item for item in tree.interface.items_tree if item.in_out == "INPUT"]
+        assert [s.name for s in sockets] == [p.label for p in FAMILIES[family].live] and sockets
+        for socket, parameter in zip(sockets, FAMILIES[family].live):
+            assert socket.description == parameter.description
+            if parameter.kind in ("float", "int"):
+                assert socket.min_value == pytest.approx(parameter.minimum)
+                assert socket.max_value == pytest.approx(parameter.maximum)
+                assert socket.default_value == pytest.approx(parameter.default)
+
+
+def test_both_engines_get_an_output_of_their_own():
+    for name in names():
+        preset = load(name)
+        with build.temporary():
+            material = groups.material(preset.family, preset.parameters, scene_of(preset).volumes[0].domain, name)
+            outputs = [n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial"]
+            assert {o.target for o in outputs} == {"CYCLES", "EEVEE"}
+            for output in outputs:
+                linked = [s for s in output.inputs if s.is_linked]
+                assert linked, f"{name}: {output.target} gets nothing"
+
+
+def test_eevee_never_gets_two_lobes():
+    """EEVEE adds the g of added scatter nodes; its shader has exactly one."""
+    values = FAMILIES["cloud"].defaults()
+    from volumetrics_addon.scene.model import Ellipsoid
+
+    with build.temporary():
+        tree = groups.group("cloud", values, Ellipsoid((0, 0, 0), (1, 1, 1)), "group")
+        leave = next(n for n in tree.nodes if n.bl_idname == "NodeGroupOutput")
+        seen, queue = set(), [next(s for s in leave.inputs if s.name.startswith("EEVEE"))]
+        while queue:
+            for link in queue.pop().links:
+                if link.from_node not in seen:
+                    seen.add(link.from_node)
+                    queue += [s for s in link.from_node.inputs if s.is_linked]
+        assert sum(n.bl_idname == "ShaderNodeVolumeScatter" for n in seen) == 1

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The engines against the references: radiometry first, then every preset."""
+
+import math
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from volumetrics_addon import verify  # noqa: E402
+from volumetrics_addon.blender import build, compat, render  # noqa: E402
+from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
+from volumetrics_addon.parameters.preset import Preset, load, names  # noqa: E402
+from volumetrics_addon.parameters.stage import PROP, STAGE  # noqa: E402
+
+
+def preset(family, parameters=None, stage=None, props=()):
+    return Preset("test", family, "Test", "", FAMILIES[family].check(parameters or {}), STAGE.check(stage or {}),
+                  tuple(PROP.check(values) for values in props))
+
+
+def blocks():
+    return {p.identifier: sorted(b.name for b in getattr(bpy.data, p.identifier))
+            for p in bpy.data.bl_rna.properties if p.type == "COLLECTION"}
+
+
+def test_exr_keeps_what_was_written(tmp_path):
+    import OpenEXR
+
+    pixels = np.random.default_rng(0).gamma(0.3, 1.0, (5, 7, 3)).astype(np.float32)
+    pixels[0, 0] = (1e-6, 123456.0, 0.0)
+    path = tmp_path / "deep" / "image.exr"
+    render.write_exr(path, pixels)
+    with OpenEXR.File(str(path)) as file:  # a reader nobody here wrote
+        channels = file.channels()
+        stored = channels["RGB"].pixels if "RGB" in channels else np.stack([channels[c].pixels for c in "RGB"], axis=-1)
+    assert stored.dtype == np.float32
+    np.testing.assert_array_equal(stored, pixels)
+    np.testing.assert_array_equal(render.read_image(path), pixels)
+    assert [p.name for p in path.parent.iterdir()] == ["image.exr"]
+
+
+def test_a_failed_write_leaves_nothing(tmp_path):
+    with pytest.raises(RuntimeError, match="on purpose"):
+        with render.whole_file(tmp_path / "x.exr") as partial:
+            partial.write_bytes(b"half")
+            raise RuntimeError("on purpose")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_rendering_leaves_no_datablock_behind():
+    before = blocks()
+    chosen = load("theatre-slats")
+    render.render(chosen, verify.scene_of(chosen), "cycles", 8, 8, 1)
+    assert blocks() == before
+
+
+def test_seeds_differ_and_repeat():
+    chosen = load("theatre-slats")
+    scene = verify.scene_of(chosen)
+    first, second = (render.render(chosen, scene, "cycles", 16, 16, 4, seed=seed, repeats=2).images for seed in (5, 6))
+    np.testing.assert_array_equal(first[1], second[0])
+    assert (first[0] != first[1]).any()
+
+
+def grey_card(albedo=0.5):
+    return {"location": [0, 0, 0], "size": [40, 40, 0], "albedo": [albedo] * 3}
+
+
+DOWNWARD = {"camera_location": [0, 0, 5], "camera_target": [0, 0, 0], "field_of_view": 20}
+
+
+@pytest.mark.parametrize("elevation", [90.0, 30.0])
+def test_sun_on_a_grey_card(elevation):
+    """Radiance albedo E sin(elevation) / pi, with the medium as good as absent."""
+    chosen = preset("cloud", {"location": [100, 100, 50], "extinction": 0.0, "density": "homogeneous"},
+                    {**DOWNWARD, "sun_irradiance": 4.0, "sun_color": [1.0, 0.5, 0.25], "sun_elevation": elevation}, [grey_card()])
+    image = render.render(chosen, verify.scene_of(chosen), "cycles", 8, 8, 4).images[0]
+    expected = 0.5 * 4.0 * math.sin(math.radians(elevation)) / math.pi
+    np.testing.assert_allclose(image.mean(axis=(0, 1)), np.array([1.0, 0.5, 0.25]) * expected, rtol=1e-5)
+
+
+def test_spot_on_a_grey_card():
+    """On the axis at distance d: albedo P / (4 pi) / d^2 / pi, whatever the cone."""
+    chosen = preset("godray", {"location": [0, 0, 4], "target": [0, 0, 0], "power": 100.0, "cone_angle": 30.0, "blend": 0.1,
+                               "extinction": 0.0, "blocker": "none"},
+                    {"camera_location": [3, 0, 4], "camera_target": [0, 0, 0], "field_of_view": 1.0}, [grey_card()])
+    image = render.render(chosen, verify.scene_of(chosen), "cycles", 8, 8, 4).images[0]
+    # The picture spans 0.09 m of the card, over which 1/d^2 and the cosine change by less than 1e-3 and cancel in the mean.
+    assert image.mean() == pytest.approx(0.5 * 100 / (4 * math.pi) / 16 / math.pi, rel=3e-4)
+
+
+def test_beer_lambert_through_a_box():
+    chosen = preset("glass", {"shape": "block", "size": [2, 0.5, 2], "location": [0, 0, 0], "color": [0.2, 0.5, 0.9],
+                              "distance": 0.25, "refraction": False},
+                    {"camera_location": [0, -500, 0], "camera_target": [0, 0, 0], "field_of_view": 1 / 60 + 1, "environment_radiance": 1.0})
+    scene = verify.scene_of(chosen)
+    from dataclasses import replace
+    scene = replace(scene, camera=replace(scene.camera, field_of_view=math.radians(0.1)))
+    image = render.render(chosen, scene, "cycles", 8, 8, 4).images[0]
+    np.testing.assert_allclose(image.mean(axis=(0, 1)), np.array([0.2, 0.5, 0.9]) ** 2, rtol=1e-4)
+
+
+# Per preset: samples, repeats, so that the interval of the mean resolves the tolerance in a few seconds.
+QUICK = {"cloud": (32, 3), "glass": (64, 4), "fog": (64, 3), "godray": (64, 4)}
+# The reference is checked to 0.5 % everywhere and to 0.1 % in single scattering and glass; the noise of these quick
+# renders comes on top, so that a preset fails when its error is beyond the tolerance with confidence.
+TOLERANCE = {"cloud": 0.005, "glass": 0.001, "fog": 0.001, "godray": 0.001}
+
+
+@pytest.mark.parametrize("name", names())
+def test_cycles_equals_the_reference(name, tmp_path):
+    chosen = load(name)
+    samples, repeats = QUICK[chosen.family]
+    result = verify.verify(chosen, "cycles", 32, samples, repeats=repeats)
+    comparison = result.comparison
+    low, high = comparison.mean_relative_interval
+    tolerance = TOLERANCE[chosen.family]
+    if not (low <= tolerance and high >= -tolerance and comparison.z_pass_fraction >= 0.9975):
+        verify.write(result, tmp_path)
+        pytest.fail(f"{name}: {comparison.mean_relative_error:+.3%} [{low:+.3%}, {high:+.3%}], "
+                    f"{comparison.z_pass_fraction:.2%} pass; see {tmp_path}")
+    assert high - low < 0.05  # the comparison is worth something
+
+
+def test_a_wrong_albedo_is_caught():
+    """The verification has power: an error of 3 % in the albedo does not pass."""
+    truth = load("sea-fog")
+    wrong = truth.changed({"albedo": tuple(0.97 * a for a in truth.parameters["albedo"])})
+    reference = verify.reference_of(verify.scene_of(truth), 24, 24)
+    result = verify.verify(wrong, "cycles", 24, 64, repeats=3, reference=reference)
+    assert not result.passes(0.005)
+
+
+def test_versions_have_one_row_each():
+    rows = [row.since for row in compat.TABLE]
+    assert rows == sorted(rows) and rows[0] == compat.OLDEST
+    assert compat.current() in compat.TABLE
+
+
+def test_plan_settings_exist_in_this_blender():
+    """Every setting of every plan names a property of this Blender: a typo would raise."""
+    for name in names():
+        chosen = load(name)
+        scene = verify.scene_of(chosen)
+        for engine in ("cycles", "eevee"):
+            with build.temporary():
+                from volumetrics_addon.plan.rules import plan
+
+                made = plan(scene, engine, 1, unbiased_tracking=compat.current().volume_biased)
+                built = build.build(chosen, scene, made)
+                assert built.camera is not None and built.world is not None
