@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The node trees as sorted text, one snapshot for both Blender LTS.
+"""The node trees as text, one snapshot for both Blender LTS.
 
 Rewrite the snapshots with:  VOLUMETRICS_UPDATE_SNAPSHOTS=1 python -m pytest tests/blender/test_groups.py
 """
@@ -21,6 +21,9 @@ SNAPSHOTS = Path(__file__).parent / "snapshots"
 PROPERTIES = ("operation", "use_clamp", "target", "phase", "noise_dimensions", "noise_type", "normalize", "vector_type",
               "convert_from", "convert_to")
 
+# Shown by newer versions on nodes that do not use them.
+UNUSED = ("Thin Film Thickness", "Thin Film IOR")
+
 
 def plain(value):
     if hasattr(value, "__len__") and not isinstance(value, str):
@@ -29,28 +32,31 @@ def plain(value):
 
 
 def describe(tree):
-    """Every node with its settings, unlinked values and links, as sorted lines. Nodes are named by their inputs' tree."""
-    known = {}
+    """One line per node that the outputs reach, numbered depth first from the outputs in the order of their inputs."""
+    numbers, lines = {}, []
 
-    def text(node):
-        if node not in known:
-            known[node] = ""  # trees have no loops
-            settings = [f"{p}={getattr(node, p)!r}" for p in PROPERTIES if hasattr(node, p)]
-            inputs = []
-            for socket in node.inputs:
-                if not socket.enabled or socket.identifier.startswith("__extend"):
-                    continue
-                if socket.is_linked:
-                    link = socket.links[0]
-                    index = list(link.from_node.outputs).index(link.from_socket)
-                    inputs.append(f"{list(node.inputs).index(socket)}<-{text(link.from_node)}.{index}")
-                elif hasattr(socket, "default_value"):
-                    inputs.append(f"{list(node.inputs).index(socket)}={plain(socket.default_value)}")
-            known[node] = f"{node.bl_idname}({', '.join(settings + inputs)})"
-        return known[node]
+    def visit(node):
+        if node in numbers:
+            return numbers[node]
+        settings = [f"{p}={getattr(node, p)!r}" for p in PROPERTIES if hasattr(node, p)]
+        inputs = []
+        for index, socket in enumerate(node.inputs):
+            if not socket.enabled or socket.bl_idname == "NodeSocketVirtual" or socket.identifier in UNUSED:
+                continue
+            if socket.is_linked:
+                link = socket.links[0]
+                inputs.append(f"{socket.identifier}<-{visit(link.from_node)}.{link.from_socket.identifier}")
+            elif hasattr(socket, "default_value") and not socket.hide_value:
+                inputs.append(f"{socket.identifier}={plain(socket.default_value)}")
+        numbers[node] = f"n{len(numbers)}"
+        lines.append(f"{numbers[node]} = {node.bl_idname}({', '.join(settings + inputs)})")
+        return numbers[node]
 
-    interface = [f"{item.in_out} {item.name}: {item.socket_type}" for item in tree.interface.items_tree] if tree.interface else []
-    return interface + sorted({text(node) for node in tree.nodes})
+    ends = [n for n in tree.nodes if n.bl_idname in ("NodeGroupOutput", "ShaderNodeOutputMaterial")]
+    for end in sorted(ends, key=lambda node: getattr(node, "target", "")):
+        visit(end)
+    assert len(numbers) == len(tree.nodes), "a node leads nowhere"
+    return [f"{item.in_out} {item.name}: {item.socket_type}" for item in tree.interface.items_tree] + lines
 
 
 def variants():

@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import os
+import shutil
+import signal
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -99,6 +102,45 @@ def _quiet(enabled: bool) -> Iterator[None]:
         os.close(null)
 
 
+@contextmanager
+def _interruptible(folder: str) -> Iterator[None]:
+    """Ctrl-C ends the process at once, with exit code 130.
+
+    Python runs signal handlers only between its own instructions, and an engine returns to Python when its picture is
+    done. A thread waits for the signal instead; it removes the temporary folders, since nothing else will.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    errors = os.dup(2)  # as it was before the engine was silenced
+
+    def watch() -> None:
+        while received := os.read(reader, 1):
+            if received[0] != signal.SIGINT:
+                continue
+            for leftover in (folder, bpy.app.tempdir):
+                shutil.rmtree(leftover, ignore_errors=True)
+            os.write(errors, b"\nvolumetrics: interrupted; nothing half-written is left\n")
+            os._exit(130)
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    handler_before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    wakeup_before = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    watcher.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(wakeup_before)
+        if handler_before is not None:  # None is Blender's own, which Python cannot bring back
+            signal.signal(signal.SIGINT, handler_before)
+        os.close(writer)
+        watcher.join()
+        os.close(reader)
+        os.close(errors)
+
+
 def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, samples: int, *, seed: int = 0,
            repeats: int = 1, quiet: bool = True, progress: Callable[[float], None] | None = None) -> Rendered:
     """Render the preset's stage ``repeats`` times with consecutive seeds (EEVEE is deterministic: one repeat is made).
@@ -122,7 +164,7 @@ def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, s
                 built.cycles.seed = seed + repeat
             path = Path(folder) / f"{repeat}.exr"
             settings.filepath = str(path)
-            with _quiet(quiet):
+            with _interruptible(folder), _quiet(quiet):
                 bpy.ops.render.render(write_still=True, scene=built.name)
             if not path.exists():
                 raise RenderError(f"{engine} wrote no image; run 'volumetrics doctor' to see what is missing")

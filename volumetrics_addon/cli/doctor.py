@@ -76,7 +76,7 @@ def _bpy() -> Check:
     try:
         bpy = importlib.import_module("bpy")
     except ImportError as error:
-        return Check("Blender (bpy)", False, str(error), bpy_remedy(error))
+        return Check("Blender (bpy)", False, str(error), import_remedy(error))
     from ..blender import compat
 
     try:
@@ -86,12 +86,16 @@ def _bpy() -> Check:
     return Check("Blender (bpy)", True, bpy.app.version_string)
 
 
-def bpy_remedy(error: ImportError) -> str:
-    """What to do when bpy does not import."""
-    if getattr(error, "name", None) == "bpy" and "shared object" not in str(error):
-        return "python3 -m pip install bpy (4.5 for Python 3.11, 5.2 for Python 3.13), or run inside Blender"
-    missing = missing_libraries() if sys.platform.startswith("linux") else []
-    return install_command(missing) if missing else "install the shared library that the message names"
+def import_remedy(error: ImportError) -> str:
+    """What to do when a module does not import: install it, or the shared libraries that it loads."""
+    if isinstance(error, ModuleNotFoundError):
+        if error.name == "bpy":
+            return "python3 -m pip install bpy (4.5 for Python 3.11, 5.2 for Python 3.13), or run inside Blender"
+        return f"python3 -m pip install {error.name}"
+    libraries = [library for library in LIBRARIES if library in str(error)]
+    if sys.platform.startswith("linux"):
+        libraries += missing_libraries()
+    return install_command(libraries) if libraries else "install the shared library that the message names"
 
 
 def _cycles() -> Check:

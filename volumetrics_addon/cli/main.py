@@ -10,13 +10,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..parameters.families import FAMILIES
 from ..parameters.model import Group, Parameter, ParameterError
-from ..parameters.preset import Preset, PresetError, load, names, to_toml
+from ..parameters.preset import Preset, load, names, to_toml
 from ..parameters.stage import STAGE
 from ..plan.model import CYCLES, EEVEE, ENGINES
 
@@ -46,22 +47,27 @@ def _option(group: Group, parameter: Parameter) -> str:
     return f"--{group.name}.{parameter.name.replace('_', '-')}"
 
 
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{value} is not allowed; give a whole number of at least 1")
-    return value
+def _whole(minimum: int, maximum: int) -> Callable[[str], int]:
+    def parse(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = minimum - 1
+        if not minimum <= value <= maximum:
+            raise argparse.ArgumentTypeError(f"{text} is not allowed; give a whole number from {minimum} to {maximum}")
+        return value
+
+    return parse
 
 
-def _size(text: str) -> int:
-    value = _positive(text)
-    if value > 8192:
-        raise argparse.ArgumentTypeError(f"{value} is not allowed; give at most 8192 pixels")
-    return value
+_size = _whole(1, 8192)
 
 
 def _tolerance(text: str) -> float:
-    value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    try:
+        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        value = 0.0
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is not allowed; give a positive fraction such as 0.005 or 0.5%")
     return value
@@ -79,9 +85,10 @@ def parser(program: str) -> argparse.ArgumentParser:
 
     image = argparse.ArgumentParser(add_help=False)
     image.add_argument("--engine", choices=ENGINES, default=CYCLES)
-    image.add_argument("--samples", type=_positive, help="samples per pixel and repeat (Cycles 64, EEVEE 16)")
-    image.add_argument("--size", type=_size, help="pixels along the longer side")
-    image.add_argument("--seed", type=int, default=0, help="seed of the first repeat")
+    image.add_argument("--samples", type=_whole(1, 1 << 24), metavar="N",
+                       help=f"samples per pixel and repeat (Cycles {SAMPLES[CYCLES]}, EEVEE {SAMPLES[EEVEE]})")
+    image.add_argument("--size", type=_size, metavar="N", help="pixels along the longer side")
+    image.add_argument("--seed", type=_whole(0, 1 << 30), metavar="N", default=0, help="seed of the first repeat (0)")
     image.add_argument("--engine-output", action="store_true", help="show what the engine prints")
 
     changes = argparse.ArgumentParser(add_help=False)
@@ -103,14 +110,15 @@ def parser(program: str) -> argparse.ArgumentParser:
     verify = commands.add_parser("verify", parents=[common, image, changes],
                                  help="render, compare with the reference and state the error")
     verify.add_argument("preset", nargs="+", help="names of presets, or .toml files; 'all' for every preset")
-    verify.add_argument("--repeats", type=_positive, help="independent renders with consecutive seeds (8)")
+    verify.add_argument("--repeats", type=_whole(2, 1 << 16), metavar="N",
+                        help="independent renders with consecutive seeds (8)")
     verify.add_argument("--tolerance", type=_tolerance, help="largest mean relative error, such as 0.005 or 0.5%% "
                         "(Cycles 0.5%%, EEVEE: stated but not judged)")
     verify.add_argument("--out", type=Path, default=Path("out"), help="folder for EXR, JSON and the report picture (out)")
 
     tour = commands.add_parser("tour", parents=[common], help="one preset of each family in Cycles with its error")
     tour.add_argument("--out", type=Path, default=Path("out"), help="folder for the contact sheet (out)")
-    tour.add_argument("--size", type=_size, default=96, help="pixels along the longer side (96)")
+    tour.add_argument("--size", type=_size, metavar="N", default=96, help="pixels along the longer side (96)")
 
     table = commands.add_parser("table", parents=[common], help="Markdown tables for the documentation")
     table.add_argument("what", choices=("presets", "parameters"))
@@ -129,13 +137,13 @@ def main(argv: Sequence[str] | None = None, program: str = "volumetrics") -> int
     progress = Progress(getattr(arguments, "quiet", False))
     try:
         return COMMANDS[arguments.command](arguments, progress)
-    except (PresetError, ParameterError) as error:
+    except ValueError as error:  # PresetError, ParameterError, values that contradict one another
         return _fail(progress, error, USAGE)
     except ImportError as error:
-        from .doctor import bpy_remedy
+        from .doctor import import_remedy
 
-        return _fail(progress, f"{error}\n  remedy: {bpy_remedy(error)}\n  see also: {program} doctor", FAILED)
-    except (OSError, RuntimeError, ValueError) as error:
+        return _fail(progress, f"{error}\n  remedy: {import_remedy(error)}\n  see also: {program} doctor", FAILED)
+    except (OSError, RuntimeError) as error:
         return _fail(progress, error, FAILED)
     except KeyboardInterrupt:
         return _fail(progress, "interrupted; nothing half-written is left", INTERRUPTED)
@@ -150,6 +158,13 @@ def _fail(progress: Progress, message: object, code: int) -> int:
 def _say(arguments: argparse.Namespace, text: str) -> None:
     if not arguments.quiet and not arguments.json:
         print(text, flush=True)
+
+
+def _make_folder(folder: Path) -> None:
+    """The folder, made and written to: better to fail before the render than after it. Raises OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):
+        pass
 
 
 def _changed(arguments: argparse.Namespace, preset: Preset) -> Preset:
@@ -203,14 +218,15 @@ def _shown(value: Any) -> str:
 
 def _render(arguments: argparse.Namespace, progress: Progress) -> int:
     preset = _changed(arguments, load(arguments.preset))
+    out = arguments.out or Path(f"{preset.name}-{arguments.engine}.exr")
+    if out.suffix.lower() != ".exr":
+        raise ParameterError(f"--out {out} is not allowed; the picture is linear EXR, end the name with .exr")
     from .. import verify
     from ..blender import render
     from ..compare.png import write_png
     from ..compare.report import display
 
-    out = arguments.out or Path(f"{preset.name}-{arguments.engine}.exr")
-    if out.suffix.lower() != ".exr":
-        raise ParameterError(f"--out {out} is not allowed; the picture is linear EXR, end the name with .exr")
+    _make_folder(out.parent)
     width, height = verify.image_size(preset, arguments.size or 512)
     samples = arguments.samples or SAMPLES[arguments.engine]
     rendered = render.render(preset, verify.scene_of(preset), arguments.engine, width, height, samples, seed=arguments.seed,
@@ -233,6 +249,7 @@ def _verify(arguments: argparse.Namespace, progress: Progress) -> int:
 
     chosen = names() if arguments.preset == ["all"] else arguments.preset
     presets = [_changed(arguments, load(name)) for name in chosen]
+    _make_folder(arguments.out)
     tolerance = arguments.tolerance if arguments.tolerance is not None else verify.TOLERANCE[arguments.engine]
     results, code = [], OK
     for preset in presets:
@@ -276,6 +293,7 @@ def _tour(arguments: argparse.Namespace, progress: Progress) -> int:
     from ..compare.png import write_png
     from ..compare.report import contact_sheet, display
 
+    _make_folder(arguments.out)
     cells, results = [], []
     for name, samples, repeats in TOUR:
         preset = load(name)
@@ -291,7 +309,6 @@ def _tour(arguments: argparse.Namespace, progress: Progress) -> int:
                       [f"{preset.group.label}, {result.render_seconds:.1f} s",
                        f"mean error {c.mean_relative_error:+.2%} [{low:+.2%}, {high:+.2%}]"]))
     path = arguments.out / "tour.png"
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_png(path, contact_sheet(cells, text_mask, "Volumetrics: Cycles against its reference"))
     if arguments.json:
         print(json.dumps({"sheet": str(path), "results": results}, indent=2))

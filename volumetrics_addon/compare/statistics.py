@@ -13,6 +13,7 @@ Everything is linear radiance in float64. Arrays are (height, width, 3).
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 from statistics import NormalDist
 
 import numpy as np
@@ -37,6 +38,10 @@ POOLING_RADII = (3, 7, 15)
 # and the standard error made of it 11 %. Two Gaussian repeats give 49 in 7x7 pixels.
 ENOUGH_DEGREES_OF_FREEDOM = 40.0
 
+
+# Degrees of freedom of which critical values are kept. From 16 on, neighbours differ by at most
+# 5 % in the critical value for a million pixels, from 40 on by 2 %.
+_TABLE_DOF = np.concatenate((np.arange(1.0, 21.0), np.geomspace(21.0, 1e5, 120), [np.inf]))
 
 # Estimates ------------------------------------------------------------------------------------
 
@@ -392,8 +397,13 @@ def _mean_error(render, reference, slope):
 
 
 def _interval(centre, error, dof, confidence):
-    half_width = error * float(student_t_isf(0.5 * (1.0 - confidence), dof))
+    half_width = error * _interval_factor(confidence, dof)
     return (centre - half_width, centre + half_width)
+
+
+@lru_cache(maxsize=256)
+def _interval_factor(confidence, dof):
+    return float(student_t_isf(0.5 * (1.0 - confidence), dof))
 
 
 def _mean_p_value(render, reference, error, dof):
@@ -443,7 +453,7 @@ def _noise_floor(excess, confidence):
     """
     pixels = excess.mean(axis=-1)
     error_of_mean = math.sqrt(np.mean(pixels**2) / pixels.size)
-    return math.sqrt(max(0.0, float(student_t_isf(1.0 - confidence, math.inf)) * error_of_mean))
+    return math.sqrt(max(0.0, float(normal_isf(1.0 - confidence)) * error_of_mean))
 
 
 # Pixels
@@ -481,13 +491,17 @@ def _normal_score(z, skewness):
 
 
 def _critical_values(level, dof):
-    """Two-sided Student-t critical values for an array of degrees of freedom.
+    """Two-sided Student-t critical values for an array of degrees of freedom >= 1.
 
-    Degrees of freedom are rounded down to whole numbers, which only widens the acceptance, so
-    that each needed value is computed once instead of once for each pixel.
+    Degrees of freedom are rounded down to the table's, which only widens the acceptance.
     """
-    whole, index = np.unique(np.floor(dof), return_inverse=True)
-    return student_t_isf(0.5 * level, whole)[index.reshape(np.shape(dof))]
+    table = _critical_table(level)
+    return table[np.searchsorted(_TABLE_DOF, dof, side="right") - 1]
+
+
+@lru_cache(maxsize=16)
+def _critical_table(level):
+    return student_t_isf(0.5 * level, _TABLE_DOF)
 
 
 def _pixel_noise(estimate):
@@ -656,7 +670,7 @@ def _beta_fraction(a, b, x):
             d = 1.0 / (1.0 + coefficient * d)
             c = 1.0 + coefficient / c
             fraction *= c * d
-        if np.all(np.abs(c * d - 1.0) < 1e-15):
+        if np.all(np.abs(c * d - 1.0) < 2e-15):
             return fraction
     raise ArithmeticError("incomplete beta: the continued fraction did not converge")
 
@@ -683,8 +697,8 @@ def _newton_t(t, log_tail, dof):
         tail = student_t_sf(t, dof)
         step = (np.log(tail) - log_tail) * tail / (t * _student_t_pdf(t, dof))
         t = t * np.exp(step)
-        # The tail itself is good to some 1e-15, so log(t) cannot settle closer than this.
-        if np.all(np.abs(step) < 1e-13):
+        # Convergence is quadratic: a last step of 1e-7 leaves an error near 1e-14.
+        if np.all(np.abs(step) < 1e-7):
             return t
     raise ArithmeticError("Student-t quantile: Newton's method did not converge")
 

@@ -15,7 +15,7 @@ from .stage import PROP, STAGE
 FORMAT = 1
 MAX_BYTES = 1 << 17  # MAX_PROPS props with every digit take 1 << 16
 MAX_PROPS = 256
-MAX_DOTS = 256  # in one line: the parser's time grows with the square of the parts of a dotted key
+MAX_DOTS = 128  # in one line: the parser's time grows with the square of the parts of a dotted key
 
 _HEADER = Group("preset", "Preset", "Name and description of a preset.", (
     Parameter("label", "text", "", "Name shown to the user.", maximum=80),
@@ -117,17 +117,22 @@ def parse(data: bytes, path: Path) -> Preset:
     stage = _table(path, "stage", STAGE, document.pop("stage", {}))
     props = document.pop("props", [])
     if not isinstance(props, list):
-        raise PresetError(f"{path}: props must be written as [[props]] tables")
+        raise PresetError(f"{path}: props = {shown(props)} must be a list of tables; write each below [[props]]")
     if len(props) > MAX_PROPS:
         raise PresetError(f"{path}: {len(props)} props are too many; keep at most {MAX_PROPS}")
     checked = tuple(_table(path, f"props[{index}]", PROP, values) for index, values in enumerate(props))
+    for key in document:
+        if key not in _HEADER.defaults():
+            known = "format, family, label, description, [parameters], [stage], [[props]]"
+            raise PresetError(f"{path}: unknown key {shown(key)} at the top level; known: {known}")
     header = _table(path, "top level", _HEADER, document)
     return Preset(path.stem, family, header["label"] or path.stem, header["description"], parameters, stage, checked)
 
 
 def _table(path: Path, where: str, group: Group, values: Any) -> dict[str, Any]:
     if not isinstance(values, dict):
-        raise PresetError(f"{path}: {where} must be a table, got {type(values).__name__}; write [{where}]")
+        title = "[[props]]" if group is PROP else f"[{where}]"
+        raise PresetError(f"{path}: {where} = {shown(values)} must be a table; write its keys below {title}")
     try:
         return group.check(values)
     except ParameterError as error:

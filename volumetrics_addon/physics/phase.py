@@ -288,7 +288,10 @@ def sample_draine(u, g, alpha):
 
 
 def mean_cosine_draine(g, alpha):
-    """Mean cosine of Draine's function, g (1 + alpha (3 + 2 g^2) / 5) / (1 + alpha (1 + 2 g^2) / 3)."""
+    """Mean cosine of Draine's function; arguments as in draine.
+
+    g (1 + alpha (3 + 2 g^2) / 5) / (1 + alpha (1 + 2 g^2) / 3)
+    """
     g, alpha = _asymmetry("g", g), _draine_alpha(alpha)
     flat, squared = _draine_shares(g, alpha)
     return g * (flat + squared * ((3 + 2 * g * g) / 5))
