@@ -122,6 +122,8 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
             notes.append(f"EEVEE scatters once where the scene follows {scene.orders} orders")
         if any(volume.medium.phase.weight > 0.0 for volume in scene.volumes):
             notes.append("EEVEE has one HG lobe, here the mean cosine of two")
+        if scene.surfaces:
+            notes.append("EEVEE does not dim the light that reaches surfaces through the medium")
         if max(scene.environment) > 0.0:
             notes.append("EEVEE lights the medium from the environment without shadow")
     return notes

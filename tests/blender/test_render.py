@@ -2,6 +2,7 @@
 """The engines against the references: radiometry first, then every preset."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -94,19 +95,19 @@ def test_spot_on_a_grey_card():
 def test_beer_lambert_through_a_box():
     chosen = preset("glass", {"shape": "block", "size": [2, 0.5, 2], "location": [0, 0, 0], "color": [0.2, 0.5, 0.9],
                               "distance": 0.25, "refraction": False},
-                    {"camera_location": [0, -500, 0], "camera_target": [0, 0, 0], "field_of_view": 1 / 60 + 1, "environment_radiance": 1.0})
+                    {"camera_location": [0, -10, 0], "camera_target": [0, 0, 0], "environment_radiance": 1.0})
     scene = verify.scene_of(chosen)
-    from dataclasses import replace
-    scene = replace(scene, camera=replace(scene.camera, field_of_view=math.radians(0.1)))
+    # So narrow that the slant of the rays does not count; near enough for float32 to hold the thickness.
+    scene = replace(scene, camera=replace(scene.camera, field_of_view=math.radians(0.2)))
     image = render.render(chosen, scene, "cycles", 8, 8, 4).images[0]
     np.testing.assert_allclose(image.mean(axis=(0, 1)), np.array([0.2, 0.5, 0.9]) ** 2, rtol=1e-4)
 
 
 # Per preset: samples, repeats, so that the interval of the mean resolves the tolerance in a few seconds.
-QUICK = {"cloud": (32, 3), "glass": (64, 4), "fog": (64, 3), "godray": (64, 4)}
+QUICK = {"cloud": (96, 4), "glass": (64, 4), "fog": (64, 4), "godray": (64, 4)}
 # The reference is checked to 0.5 % everywhere and to 0.1 % in single scattering and glass; the noise of these quick
 # renders comes on top, so that a preset fails when its error is beyond the tolerance with confidence.
-TOLERANCE = {"cloud": 0.005, "glass": 0.001, "fog": 0.001, "godray": 0.001}
+MULTIPLE, SINGLE = 0.005, 0.001
 
 
 @pytest.mark.parametrize("name", names())
@@ -116,7 +117,7 @@ def test_cycles_equals_the_reference(name, tmp_path):
     result = verify.verify(chosen, "cycles", 32, samples, repeats=repeats)
     comparison = result.comparison
     low, high = comparison.mean_relative_interval
-    tolerance = TOLERANCE[chosen.family]
+    tolerance = MULTIPLE if chosen.stage["orders"] > 1 else SINGLE
     if not (low <= tolerance and high >= -tolerance and comparison.z_pass_fraction >= 0.9975):
         verify.write(result, tmp_path)
         pytest.fail(f"{name}: {comparison.mean_relative_error:+.3%} [{low:+.3%}, {high:+.3%}], "
@@ -126,10 +127,10 @@ def test_cycles_equals_the_reference(name, tmp_path):
 
 def test_a_wrong_albedo_is_caught():
     """The verification has power: an error of 3 % in the albedo does not pass."""
-    truth = load("sea-fog")
+    truth = load("theatre-slats")
     wrong = truth.changed({"albedo": tuple(0.97 * a for a in truth.parameters["albedo"])})
     reference = verify.reference_of(verify.scene_of(truth), 24, 24)
-    result = verify.verify(wrong, "cycles", 24, 64, repeats=3, reference=reference)
+    result = verify.verify(wrong, "cycles", 24, 128, repeats=4, reference=reference)
     assert not result.passes(0.005)
 
 

@@ -2,7 +2,7 @@
 """The node groups: one builder per family, the source of truth for both engines.
 
 Every group has the family's live parameters as inputs. Its outputs are one shader per engine: ``Cycles Volume`` and
-``EEVEE Volume``, and where the family has a surface ``Cycles Surface`` and ``EEVEE Surface``. EEVEE knows one
+``EEVEE Volume``, and where the family has a surface ``Cycles Surface``, ``EEVEE Surface`` and ``EEVEE Thickness``. EEVEE knows one
 Henyey-Greenstein lobe per froxel and adds the g of added scatter nodes, so it gets a single lobe with the mean cosine.
 """
 
@@ -36,8 +36,9 @@ def group(family: str, values: Mapping[str, Any], shape: Shape, name: str) -> bp
     entry = build.node("NodeGroupInput")
     inputs = {parameter.name: entry.outputs[index] for index, parameter in enumerate(declared.live)}
     outputs = BUILDERS[family](build, inputs, values, shape)
-    for label in outputs:
-        tree.interface.new_socket(label, in_out="OUTPUT", socket_type="NodeSocketShader")
+    for label, socket in outputs.items():
+        kind = "NodeSocketShader" if socket.type == "SHADER" else "NodeSocketFloat"
+        tree.interface.new_socket(label, in_out="OUTPUT", socket_type=kind)
     leave = build.node("NodeGroupOutput")
     for index, shader in enumerate(outputs.values()):
         build.feed(leave.inputs[index], shader)
@@ -58,6 +59,10 @@ def material(family: str, values: Mapping[str, Any], shape: Shape, name: str) ->
         for socket in node.outputs:
             if socket.name.startswith(prefix):
                 build.feed(socket_of(output.inputs, socket.name.removeprefix(prefix + " ")), socket)
+    if any(socket.name == "EEVEE Surface" for socket in node.outputs):
+        result.surface_render_method = "DITHERED"
+        result.use_raytrace_refraction = True
+        result.thickness_mode = "SPHERE" if isinstance(shape, Ellipsoid) else "SLAB"
     arrange(build.tree)
     return result
 
@@ -155,7 +160,8 @@ def _glass(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape
     tint = build.node("ShaderNodeCombineColor",
                       {i: build.math("EXPONENT", build.math("MULTIPLY", value, half_path)) for i, value in enumerate(sigma)})
     tinted = build.node("ShaderNodeBsdfGlass", {"Color": tint.outputs[0], "Roughness": 0.0, "IOR": inputs["ior"]})
-    return {"Cycles Surface": surface.outputs[0], "Cycles Volume": volume, "EEVEE Surface": tinted.outputs[0]}
+    return {"Cycles Surface": surface.outputs[0], "Cycles Volume": volume, "EEVEE Surface": tinted.outputs[0],
+            "EEVEE Thickness": path}
 
 
 def _refracted_path(build: Tree, ior: Any, shape: Shape) -> bpy.types.NodeSocket:

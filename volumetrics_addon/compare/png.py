@@ -27,7 +27,8 @@ def encode_png(image):
         )
     if image.ndim != 3 or image.shape[2] not in _COLOR_TYPES or 0 in image.shape:
         raise ValueError(
-            f"image must have the shape (height, width, 3 or 4), got {image.shape}: give RGB or RGBA"
+            f"image must have the shape (height, width, 3 or 4), got {image.shape}: give RGB or "
+            "RGBA"
         )
     height, width, channels = image.shape
     header = struct.pack(">IIBBBBB", width, height, 8, _COLOR_TYPES[channels], 0, 0, 0)

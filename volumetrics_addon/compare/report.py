@@ -7,6 +7,7 @@ Blender it is `blender.text.text_mask`.
 """
 
 import math
+from bisect import bisect_left
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -64,7 +65,9 @@ def display(image, exposure_stops=0.0):
 
 def _srgb_encode(x):
     """Linear 0..1 to sRGB 0..1 (IEC 61966-2-1)."""
-    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
+    return np.where(
+        x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055
+    )
 
 
 def _srgb_decode(y):
@@ -80,8 +83,8 @@ def diverging_map(x):
     """Colours uint8 (..., 3) for x (...) in -1..1: blue below zero, near black, orange above.
 
     Lightness grows evenly with |x|, and lightness and chroma are the same on both sides (OKLab),
-    so the size of an error reads as brightness and its sign as hue. The centre is dark, as the report is: what is
-    right recedes, what is wrong glows. Values outside are clipped to the ends.
+    so the size of an error reads as brightness and its sign as hue. The centre is dark, as the
+    report is: what is right recedes, what is wrong glows. Values outside are clipped to the ends.
     """
     table = _diverging_table()
     half = len(table) // 2
@@ -196,7 +199,9 @@ def contact_sheet(cells, text_mask, title):
 
 def _sheet_page(cells, text_mask, title):
     if not cells:
-        raise ValueError("cells must hold >= 1 picture, got 0: a sheet without pictures shows nothing")
+        raise ValueError(
+            "cells must hold >= 1 picture, got 0: a sheet without pictures shows nothing"
+        )
     box = _common_box(cells)
     columns = _columns(len(cells), box)
     page = _Page(text_mask, columns * box[1] + (columns - 1) * _GAP)
@@ -248,7 +253,9 @@ def signed_error(render, reference):
     (render - reference) / max(reference, 1 % of its mean), as a fraction; against an all-black
     reference the difference itself.
     """
-    render, reference = (np.asarray(image, dtype=np.float64) @ _LUMINANCE for image in (render, reference))
+    render, reference = (
+        np.asarray(image, dtype=np.float64) @ _LUMINANCE for image in (render, reference)
+    )
     mean = reference.mean()
     if mean <= 0.0:
         return render - reference, _RADIANCE
@@ -261,7 +268,9 @@ def nice_scale(value):
         return 0.01
     power = 10.0 ** math.floor(math.log10(value))
     # A value that is such a number but for rounding keeps it.
-    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if value <= step * power * (1 + 1e-9))
+    return next(
+        step * power for step in (1.0, 2.0, 5.0, 10.0) if value <= step * power * (1 + 1e-9)
+    )
 
 
 # Parts ----------------------------------------------------------------------------------------
@@ -315,8 +324,12 @@ def _figures(c):
         _interval(c, c.mean_relative_interval, _signed_percent),
     )
     floor = _percent(c.rmse_noise_floor)
-    rmse = _Figure("RMSE after noise", _resolved(c), f"{_percent(c.rmse)} with noise · floor {floor}")
-    single = _Figure("95th percentile", _percent(c.percentile95), "error of single pixels, with noise")
+    rmse = _Figure(
+        "RMSE after noise", _resolved(c), f"{_percent(c.rmse)} with noise · floor {floor}"
+    )
+    single = _Figure(
+        "95th percentile", _percent(c.percentile95), "error of single pixels, with noise"
+    )
     return (mean, rmse, pixels, single)
 
 
@@ -479,8 +492,9 @@ class _Page:
 
 
 def _longest(string, fits):
-    """The longest beginning of `string` that fits."""
-    return next((string[:n] for n in range(len(string), 0, -1) if fits(string[:n])), "")
+    """The longest beginning of `string` that fits; fitting ends once and for all."""
+    lengths = range(1, len(string) + 1)
+    return string[: bisect_left(lengths, True, key=lambda n: not fits(string[:n]))]
 
 
 # Sizes

@@ -116,9 +116,7 @@ class Estimate:
     def from_errors(cls, value, standard_error):
         """Image with known, independent errors: the mean's error is sqrt(sum se**2) / n."""
         value = np.asarray(value, dtype=np.float64)
-        standard_error = np.broadcast_to(
-            np.asarray(standard_error, dtype=np.float64), value.shape
-        )
+        standard_error = np.broadcast_to(np.asarray(standard_error, dtype=np.float64), value.shape)
         mean_error = math.sqrt(np.sum(standard_error**2)) / max(value.size, 1)
         return cls(value, standard_error, None, _mean(value), mean_error)
 

@@ -8,6 +8,7 @@ derived from these declarations. Standard library only: enabling the add-on impo
 from __future__ import annotations
 
 import math
+import unicodedata
 from dataclasses import dataclass
 from typing import Any, Mapping
 
@@ -73,7 +74,7 @@ class Parameter:
         if self.kind == "bool":
             return "true or false"
         if self.kind == "text":
-            return f"a text of at most {self.maximum:g} characters"
+            return f"one line of at most {self.maximum:g} characters"
         low = "" if self.minimum is None else f"{'>' if self.exclusive_minimum else '>='} {self.minimum:g}"
         high = "" if self.maximum is None else f"<= {self.maximum:g}"
         words = " and ".join(filter(None, (low, high))) or "any number"
@@ -97,8 +98,12 @@ class Parameter:
                     self._refuse(value, "choose one of these")
                 return value
             case "text":
-                if not isinstance(value, str) or len(value) > self.maximum:
-                    self._refuse(value, "shorten it, in quotes")
+                if not isinstance(value, str):
+                    self._refuse(value, "write it in quotes")
+                if len(value) > self.maximum:
+                    self._refuse(value, "shorten it")
+                if any(unicodedata.category(character) == "Cc" for character in value):
+                    self._refuse(value, "take out line breaks and control characters")
                 return value
             case "int":
                 if isinstance(value, bool) or not isinstance(value, int):

@@ -1,0 +1,394 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line: what it prints, writes and returns, with and without Blender, and when it is interrupted."""
+
+import json
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from volumetrics_addon.cli import doctor
+from volumetrics_addon.cli.main import COMMANDS, FAILED, INTERRUPTED, OK, USAGE, WORSE, main, parser
+from volumetrics_addon.parameters.families import FAMILIES
+from volumetrics_addon.parameters.preset import load, names, parse
+from volumetrics_addon.parameters.stage import STAGE
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+TINY = ("--size", "16", "--samples", "4")
+LIBXI = "libXi.so.6: cannot open shared object file: No such file or directory"
+
+
+def command(*arguments, **options):
+    """The command in a process of its own, as a user starts it."""
+    return subprocess.run([sys.executable, "-m", "volumetrics_addon", *map(str, arguments)], cwd=ROOT, capture_output=True,
+                          text=True, timeout=120, **options)
+
+
+def channels_of(path):
+    """RGB of an EXR (height, width, 3), read without Blender, and the type of its pixels."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = file.channels()
+        assert sorted(channels) == ["B", "G", "R"]
+        planes = [channels[name].pixels for name in "RGB"]
+        return np.stack(planes, axis=-1), {plane.dtype.name for plane in planes}
+
+
+def png_size(path):
+    data = path.read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    return struct.unpack(">II", data[16:24])
+
+
+def test_exit_codes_are_what_scripts_rely_on():
+    assert (OK, WORSE, USAGE, FAILED, INTERRUPTED) == (0, 1, 2, 3, 130)
+
+
+# --- list and show ---------------------------------------------------------------------------------------------
+
+
+def test_list(capsys):
+    assert main(["list"]) == OK
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == names() and len(lines) >= 8
+    assert main(["list", "--json"]) == OK
+    listed = json.loads(capsys.readouterr().out)
+    assert [entry["name"] for entry in listed] == names()
+    assert all(set(entry) == {"name", "family", "label", "description"} for entry in listed)
+
+
+@pytest.mark.parametrize("name", names())
+def test_show(name, capsys):
+    preset = load(name)
+    assert main(["show", name]) == OK
+    text = capsys.readouterr().out
+    for parameter in (*preset.group.parameters, *STAGE.parameters):
+        assert re.search(rf"^  {parameter.name} .*{re.escape(parameter.limits)}$", text, re.MULTILINE)
+
+    assert main(["show", name, "--json"]) == OK
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["parameters"] == json.loads(json.dumps(preset.parameters)) and shown["family"] == preset.family
+
+    assert main(["show", name, "--toml"]) == OK
+    assert parse(capsys.readouterr().out.encode(), Path(f"{name}.toml")) == preset
+
+
+def test_show_writes_a_preset_that_the_command_line_changed(tmp_path, capsys):
+    assert main(["show", "cumulus", "--toml", "--cloud.extinction", "0.02", "--cloud.albedo", "0.5,0.6,0.7",
+                 "--cloud.density", "homogeneous", "--stage.exposure", "-1"]) == OK
+    path = tmp_path / "mine.toml"
+    path.write_text(capsys.readouterr().out, encoding="utf-8")
+    mine, original = load(path), load("cumulus")
+    assert mine.parameters == {**original.parameters, "extinction": 0.02, "albedo": (0.5, 0.6, 0.7), "density": "homogeneous"}
+    assert mine.stage == {**original.stage, "exposure": -1.0}
+    assert main(["show", str(path)]) == OK
+
+
+def test_every_declared_parameter_has_an_option_that_shows_its_limits():
+    assert set(COMMANDS) == {"list", "show", "render", "verify", "tour", "table", "doctor"}
+    checked = 0
+    for verb in ("show", "render", "verify"):
+        for group in (*FAMILIES.values(), STAGE):
+            for parameter in group.parameters:
+                value = parameter.default
+                word = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+                option = f"--{group.name}.{parameter.name.replace('_', '-')}"
+                parsed = parser("volumetrics").parse_args([verb, "cumulus", f"{option}={word}"])
+                assert parameter.parse(getattr(parsed, f"{group.name}.{parameter.name}")) == value
+                checked += 1
+    assert checked >= 150
+
+
+@pytest.mark.parametrize("verb", [[], *([name] for name in ("show", "render", "verify", "tour", "table", "doctor", "list"))])
+def test_help(verb, capsys):
+    assert main([*verb, "--help"]) == OK
+    text = " ".join(capsys.readouterr().out.split())
+    assert "usage: volumetrics" in text
+    if verb in (["show"], ["render"], ["verify"]):
+        for group in (*FAMILIES.values(), STAGE):
+            for parameter in group.parameters:
+                assert parameter.description in text
+    if not verb:
+        assert "exit codes" in text
+
+
+def test_tables(tmp_path, capsys):
+    assert main(["table", "parameters"]) == OK
+    text = capsys.readouterr().out
+    for group in (*FAMILIES.values(), STAGE):
+        for parameter in group.parameters:
+            assert f"| `{parameter.name}` |" in text and parameter.description in text
+    assert main(["table", "presets", "--from", str(tmp_path)]) == USAGE
+    assert "volumetrics verify all" in capsys.readouterr().err
+
+
+# --- usage errors ----------------------------------------------------------------------------------------------
+
+WRONG_USAGE = [
+    ([], "required: COMMAND"), (["paint"], "invalid choice"), (["show"], "required: preset"), (["verify"], "required: preset"),
+    (["list", "--loud"], "unrecognized"), (["table", "colours"], "invalid choice"),
+    (["show", "cumulos"], "known: "), (["render", "cumulos"], "tea-glass"), (["verify", "tea-glass", "cumulos"], "known: "),
+    (["show", "missing.toml"], "no such file"),
+    (["show", "cumulus", "--glass.ior", "1.4"], "use the options --cloud.*"),
+    (["verify", "tea-glass", "cumulus", "--glass.ior", "1.4"], "does not belong to cumulus"),
+    (["show", "cumulus", "--cloud.extinction", "-1"], ">= 0"), (["show", "cumulus", "--cloud.extinction", "nan"], "finite"),
+    (["show", "cumulus", "--cloud.extinction", "thick"], "give a number"),
+    (["show", "cumulus", "--cloud.albedo", "1,1"], "three numbers"), (["show", "cumulus", "--cloud.domain", "cone"], "box"),
+    (["show", "cumulus", "--stage.orders", "0"], "orders = 0"), (["show", "cumulus", "--cloud.thickness", "1"], "unrecognized"),
+    (["render", "tea-glass", "--stage.field-of-view", "180"], "<= 150 deg"),
+    (["render", "tea-glass", "--out", "tea.png"], "end the name with .exr"), (["render", "tea-glass", "--out", "tea"], ".exr"),
+    (["render", "tea-glass", "--size", "0"], "from 1 to 8192"), (["render", "tea-glass", "--size", "8193"], "from 1 to 8192"),
+    (["render", "tea-glass", "--size", "big"], "big is not allowed"), (["render", "tea-glass", "--size", "1.5"], "whole number"),
+    (["render", "tea-glass", "--samples", "0"], "from 1 to"), (["render", "tea-glass", "--samples", "9" * 5000], "from 1 to"),
+    (["render", "tea-glass", "--seed", "-1"], "from 0 to"), (["render", "tea-glass", "--seed", "99999999999"], "from 0 to"),
+    (["render", "tea-glass", "--engine", "workbench"], "invalid choice"),
+    (["verify", "tea-glass", "--repeats", "1"], "from 2 to"), (["verify", "tea-glass", "--tolerance", "0"], "positive"),
+    (["verify", "tea-glass", "--tolerance", "nan"], "positive"), (["verify", "tea-glass", "--tolerance", "small"], "0.5%"),
+    (["tour", "--size", "-3"], "from 1 to 8192"),
+    # The camera looks at itself: no single value is wrong.
+    (["render", "tea-glass", *TINY, "--stage.camera-location", "1,1,1", "--stage.camera-target", "1,1,1"], "direction"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "words"), WRONG_USAGE, ids=lambda value: " ".join(value)[:60] if isinstance(value, list) else "")
+def test_wrong_usage_is_told_and_writes_nothing(arguments, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == USAGE
+    output = capsys.readouterr()
+    assert words in output.err and "Traceback" not in output.err and output.out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_preset_names_file_key_and_limit(tmp_path, capsys):
+    path = tmp_path / "bad.toml"
+    path.write_text('format = 1\nfamily = "cloud"\n[parameters]\nextinction = -0.2\n')
+    for verb in ("show", "render", "verify"):
+        assert main([verb, str(path)]) == USAGE
+        message = capsys.readouterr().err
+        for word in (str(path), "extinction = -0.2", ">= 0 and <= 100000 1/m", "bring it within"):
+            assert word in message
+    assert list(tmp_path.iterdir()) == [path]
+
+
+# --- render ----------------------------------------------------------------------------------------------------
+
+
+def test_render_writes_linear_exr_and_a_picture(tmp_path, capsys):
+    out = tmp_path / "new" / "x.exr"
+    assert main(["render", "tea-glass", *TINY, "--out", str(out)]) == OK
+    assert str(out) in capsys.readouterr().out
+    assert sorted(path.name for path in out.parent.iterdir()) == ["x.exr", "x.png"]
+    pixels, kinds = channels_of(out)
+    assert pixels.shape == (16, 16, 3) and kinds == {"float32"}
+    assert png_size(out.with_suffix(".png")) == (16, 16)
+    # Tea on a pale ground: linear radiance of the environment, red above green above blue in the middle.
+    assert np.isfinite(pixels).all() and pixels.min() >= 0.0
+    assert pixels.max() == pytest.approx(0.8, rel=1e-4)
+    red, green, blue = pixels[6:10, 6:10].mean(axis=(0, 1))
+    assert red > 1.5 * green > 1.5 * 1.5 * blue
+
+
+def test_render_follows_aspect_and_seed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    images = []
+    for seed in ("0", "0", "1"):
+        assert main(["render", "cobalt-block", *TINY, "--stage.aspect", "2", "--seed", seed, "--json"]) == OK
+        figures = json.loads(capsys.readouterr().out)
+        assert (figures["width"], figures["height"], figures["seed"]) == (16, 8, int(seed))
+        assert figures["exr"] == "cobalt-block-cycles.exr" and figures["decisions"]
+        images.append(channels_of(tmp_path / figures["exr"])[0])
+    assert images[0].shape == (8, 16, 3)
+    assert np.array_equal(images[0], images[1]) and not np.array_equal(images[0], images[2])
+
+
+def test_quiet_prints_nothing(tmp_path, capfd):
+    assert main(["render", "tea-glass", *TINY, "--out", str(tmp_path / "x.exr"), "--quiet"]) == OK
+    assert main(["verify", "tea-glass", *TINY, "--repeats", "2", "--out", str(tmp_path), "--quiet"]) == OK
+    assert tuple(capfd.readouterr()) == ("", "")
+
+
+def test_what_cannot_be_written_is_found_before_the_render(tmp_path, monkeypatch, capsys):
+    from volumetrics_addon.blender import render
+
+    def never(*arguments, **options):
+        raise AssertionError("the picture was rendered first")
+
+    monkeypatch.setattr(render, "render", never)
+    (tmp_path / "file").write_text("in the way")
+    assert main(["render", "tea-glass", *TINY, "--out", str(tmp_path / "file" / "x.exr")]) == FAILED
+    assert main(["verify", "tea-glass", *TINY, "--out", str(tmp_path / "file")]) == FAILED
+    assert main(["tour", "--out", str(tmp_path / "file")]) == FAILED
+    assert main(["render", "tea-glass", *TINY, "--out", "/proc/x.exr"]) == FAILED
+    assert capsys.readouterr().err.count("volumetrics: ") == 4
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_failed_write_leaves_no_half_file(tmp_path, monkeypatch, capsys):
+    def full(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    assert main(["render", "tea-glass", *TINY, "--out", str(tmp_path / "x.exr")]) == FAILED
+    assert "No space left" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- verify ----------------------------------------------------------------------------------------------------
+
+
+def test_verify_states_the_error_and_writes_the_evidence(tmp_path, capsys):
+    assert main(["verify", "tea-glass", *TINY, "--repeats", "2", "--tolerance", "5%", "--out", str(tmp_path), "--json"]) == OK
+    (result,) = json.loads(capsys.readouterr().out)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "tea-glass-cycles.exr", "tea-glass-cycles.json", "tea-glass-cycles.png", "tea-glass-reference.exr"]
+    assert sorted(result["files"].values()) == sorted(str(path) for path in tmp_path.iterdir())
+    assert result["passed"] and result["tolerance"] == 0.05 and result["repeats"] == 2
+    written = json.loads((tmp_path / "tea-glass-cycles.json").read_text(encoding="utf-8"))
+    assert written.items() <= result.items()
+    error = written["comparison"]["mean_relative_error"]
+    low, high = written["comparison"]["mean_relative_interval"]
+    assert low <= error <= high and abs(error) < 0.01
+    # The stated error is that of the files.
+    render, reference = (channels_of(tmp_path / f"tea-glass-{kind}.exr")[0].astype(float) for kind in ("cycles", "reference"))
+    assert render.mean() / reference.mean() - 1.0 == pytest.approx(error, abs=1e-6)
+    width, height = png_size(tmp_path / "tea-glass-cycles.png")
+    assert width > 3 * 300 and height > 300
+
+    assert main(["table", "presets", "--from", str(tmp_path)]) == USAGE  # the other results are missing
+    assert "cobalt-block-cycles.json" in capsys.readouterr().err
+
+
+def test_verify_fails_above_the_tolerance_and_still_writes(tmp_path, capsys):
+    """Four samples of a tinted ball cannot hit the reference to nine digits."""
+    assert main(["verify", "tea-glass", *TINY, "--repeats", "2", "--tolerance", "1e-9", "--out", str(tmp_path)]) == WORSE
+    output = capsys.readouterr().out
+    assert "WORSE than" in output and "mean error" in output
+    assert len(list(tmp_path.iterdir())) == 4
+
+
+# --- doctor and a machine without Blender -----------------------------------------------------------------------
+
+
+def test_doctor_here(capfd):
+    assert main(["doctor"]) == OK
+    text = capfd.readouterr().out
+    for name in ("Python", "Blender (bpy)", "Cycles", "EEVEE"):
+        assert re.search(rf"^(ok     |without) {re.escape(name)}: ", text, re.MULTILINE)
+    assert main(["doctor", "--json"]) == OK
+    results = json.loads(capfd.readouterr().out)
+    assert all(check["ok"] for check in results if check["required"])
+    assert all(bool(check["remedy"]) != check["ok"] for check in results)
+
+
+def test_library_that_a_message_names_is_looked_up(monkeypatch):
+    monkeypatch.setattr(doctor, "missing_libraries", list)
+    for library, package in doctor.LIBRARIES.items():
+        remedy = doctor.import_remedy(ImportError(f"{library}: cannot open shared object file", name="bpy"))
+        assert remedy.startswith("apt-get install -y ") and package in remedy.split()
+    assert "install the shared library" in doctor.import_remedy(ImportError("libodd.so.1: cannot open shared object file"))
+    assert "pip install bpy" in doctor.import_remedy(ModuleNotFoundError("No module named 'bpy'", name="bpy"))
+    assert doctor.import_remedy(ModuleNotFoundError("No module named 'numpy'", name="numpy")).endswith("pip install numpy")
+
+
+def test_missing_libraries_are_found_and_named(monkeypatch):
+    real = doctor.ctypes.CDLL
+
+    def without_x(name, *arguments, **options):
+        if name in ("libXi.so.6", "libSM.so.6"):
+            raise OSError(f"{name}: cannot open shared object file: No such file or directory")
+        return real(name, *arguments, **options)
+
+    monkeypatch.setattr(doctor.ctypes, "CDLL", without_x)
+    missing = doctor.missing_libraries()
+    assert {"libXi.so.6", "libSM.so.6"} <= set(missing)
+    assert {"libxi6", "libsm6", "libgl1-mesa-dri"} <= set(doctor.install_command(missing).split())
+    check = next(check for check in doctor.checks() if check.name == "system libraries")
+    assert not check.ok and check.required and "libXi.so.6" in check.detail and "libxi6" in check.remedy
+
+
+@pytest.fixture(scope="module")
+def without_blender(tmp_path_factory):
+    """Environment in which importing bpy fails as on a slim Debian."""
+    folder = tmp_path_factory.mktemp("fake")
+    (folder / "bpy.py").write_text(f"raise ImportError({LIBXI!r}, name='bpy')\n")
+    return {**os.environ, "PYTHONPATH": str(folder)}
+
+
+def test_doctor_without_blender_names_the_package(without_blender):
+    done = command("doctor", env=without_blender)
+    assert done.returncode == FAILED and done.stderr == ""
+    assert f"MISSING Blender (bpy): {LIBXI}" in done.stdout
+    remedies = [line for line in done.stdout.splitlines() if "apt-get install" in line]
+    assert remedies and "libxi6" in remedies[-1].split()
+    done = command("doctor", "--json", env=without_blender)
+    failed = {check["name"]: check for check in json.loads(done.stdout) if check["required"] and not check["ok"]}
+    assert "libxi6" in failed["Blender (bpy)"]["remedy"]
+
+
+def test_what_needs_no_blender_works_without(without_blender):
+    done = command("list", env=without_blender)
+    assert done.returncode == OK and len(done.stdout.splitlines()) == len(names())
+    done = command("show", "cumulus", "--toml", env=without_blender)
+    assert done.returncode == OK and parse(done.stdout.encode(), Path("cumulus.toml")) == load("cumulus")
+
+
+@pytest.mark.parametrize("verb", ["render", "verify"])
+def test_what_needs_blender_tells_what_is_missing(verb, without_blender, tmp_path):
+    done = command(verb, "tea-glass", *TINY, "--out", tmp_path / "out.exr", env=without_blender)
+    assert done.returncode == FAILED and done.stdout == "" and "Traceback" not in done.stderr
+    assert LIBXI in done.stderr and "libxi6" in done.stderr and "volumetrics doctor" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_bpy_at_all_pip_is_the_remedy(tmp_path):
+    (tmp_path / "bpy.py").write_text("raise ModuleNotFoundError(\"No module named 'bpy'\", name='bpy')\n")
+    done = command("doctor", env={**os.environ, "PYTHONPATH": str(tmp_path)})
+    assert done.returncode == FAILED and "pip install bpy" in done.stdout
+
+
+# --- as a process ----------------------------------------------------------------------------------------------
+
+
+def test_standard_output_is_json_and_nothing_else(tmp_path):
+    """Through a pipe, where the engine's own messages would end up in the same stream."""
+    done = command("render", "tea-glass", *TINY, "--out", tmp_path / "x.exr", "--json")
+    assert done.returncode == OK
+    assert json.loads(done.stdout)["exr"] == str(tmp_path / "x.exr")
+
+
+def test_script_for_a_blender_without_the_extension():
+    done = subprocess.run([sys.executable, ROOT / "scripts" / "volumetrics.py", "--", "show", "cumulos"], capture_output=True,
+                          text=True, timeout=60)
+    assert done.returncode == USAGE and "known: " in done.stderr
+
+
+@pytest.mark.parametrize("engine_output", [(), ("--engine-output",)])
+def test_interrupt_stops_a_render_and_leaves_nothing(engine_output, tmp_path):
+    out, temporary = tmp_path / "out", tmp_path / "temporary"
+    temporary.mkdir()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "volumetrics_addon", "render", "cumulus", "--size", "64", "--samples", "100000", "--out",
+         str(out / "x.exr"), *engine_output],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "TMPDIR": str(temporary)})
+    try:
+        deadline = time.monotonic() + 60
+        while not list(temporary.glob("volumetrics*")):  # the folder that the engine renders into
+            assert time.monotonic() < deadline and process.poll() is None
+            time.sleep(0.05)
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        start = time.monotonic()
+        _, errors = process.communicate(timeout=20)
+        assert time.monotonic() - start < 5.0  # measured 0.1 s
+    finally:
+        process.kill()
+    assert process.returncode == INTERRUPTED
+    assert b"interrupted" in errors and b"Traceback" not in errors
+    assert list(out.iterdir()) == [] and list(temporary.iterdir()) == []
