@@ -24,7 +24,7 @@ from . import build, compat, objects, settings
 
 KEY = "volumetrics"
 TAG = "volumetrics_item"
-_OWNED = ("meshes", "lights", "materials", "node_groups")
+_OWNED = ("objects", "meshes", "lights", "materials", "node_groups")  # in the order of use: objects free meshes, ...
 
 
 def items(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
@@ -40,7 +40,7 @@ def live_node(item: bpy.types.Collection) -> bpy.types.Node | None:
     """The group node whose sockets are the item's live parameters."""
     for candidate in item.objects:
         for slot in candidate.material_slots:
-            if slot.material is None:
+            if slot.material is None or slot.material.node_tree is None:
                 continue
             for node in slot.material.node_tree.nodes:
                 if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None and TAG in node.node_tree:
@@ -113,12 +113,14 @@ def remove_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
     mine = record(item)
     others = [other for other in items(scene) if other != item]
     _restore(scene, mine, others)
-    objects_of = list(item.objects)
+    for guest in item.objects:  # what the user has moved in moves out
+        if guest.get(TAG) != mine["id"] and guest.users_collection == (item,):
+            scene.collection.objects.link(guest)
+    for guest in item.children:
+        if guest.name not in scene.collection.children:
+            scene.collection.children.link(guest)
     bpy.data.collections.remove(item)
-    for candidate in objects_of:
-        if not candidate.users_collection:
-            bpy.data.objects.remove(candidate)
-    for name in _OWNED:  # in the order of use: meshes free materials, materials free node groups
+    for name in _OWNED:
         for block in list(getattr(bpy.data, name)):
             if block.get(TAG) == mine["id"] and block.users == 0:
                 getattr(bpy.data, name).remove(block)

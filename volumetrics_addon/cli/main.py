@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -136,7 +138,8 @@ def main(argv: Sequence[str] | None = None, program: str = "volumetrics") -> int
         return stop.code if isinstance(stop.code, int) else USAGE
     progress = Progress(getattr(arguments, "quiet", False))
     try:
-        return COMMANDS[arguments.command](arguments, progress)
+        with _own_output():
+            return COMMANDS[arguments.command](arguments, progress)
     except ValueError as error:  # PresetError, ParameterError, values that contradict one another
         return _fail(progress, error, USAGE)
     except ImportError as error:
@@ -147,6 +150,29 @@ def main(argv: Sequence[str] | None = None, program: str = "volumetrics") -> int
         return _fail(progress, error, FAILED)
     except KeyboardInterrupt:
         return _fail(progress, "interrupted; nothing half-written is left", INTERRUPTED)
+
+
+@contextmanager
+def _own_output() -> Iterator[None]:
+    """Standard output for this program alone: what Blender writes there from below Python goes to standard error."""
+    python_output = sys.stdout
+    try:
+        direct = python_output.fileno() == 1
+    except (AttributeError, OSError):  # there is none, or it is captured
+        direct = False
+    if not direct:
+        yield
+        return
+    python_output.flush()
+    descriptor = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        with open(descriptor, "w", encoding=python_output.encoding, errors=python_output.errors, closefd=False) as sys.stdout:
+            yield
+    finally:
+        sys.stdout = python_output
+        os.dup2(descriptor, 1)
+        os.close(descriptor)
 
 
 def _fail(progress: Progress, message: object, code: int) -> int:
@@ -231,7 +257,7 @@ def _render(arguments: argparse.Namespace, progress: Progress) -> int:
     samples = arguments.samples or SAMPLES[arguments.engine]
     rendered = render.render(preset, verify.scene_of(preset), arguments.engine, width, height, samples, seed=arguments.seed,
                              quiet=not arguments.engine_output, progress=lambda share: progress(arguments.engine, share))
-    render.write_exr(out, rendered.images[0])
+    render.write_exr(out.absolute(), rendered.images[0])
     shown = out.with_suffix(".png")
     write_png(shown, display(rendered.images[0], preset.stage["exposure"]))
     progress.clear()

@@ -300,7 +300,10 @@ def compare(render, reference, confidence=0.95, significance=0.01):
     (`_normal_score`). This needs k >= 3.
 
     Probability that any of 32x32 pixels fails without bias, at significance 1 %, measured for
-    k = 4, 8, 16 over a gradient and over an edge of contrast 100: at most MEASURED.
+    k = 4, 8, 16 over a gradient and over an edge of contrast 100: 0.4 to 1.0 % for Gaussian
+    noise, 0 to 0.3 % for exponential, gamma (shape 0.2) and spotty noise; at most 1.6 % where both
+    images are noisy. Two repeats cannot show skewness: with them, noise as skewed as these fails
+    some 0.1 % of the pixels, and spotty noise several percent. Render four or more.
     Noise with no spread at all in 31x31 pixels counts as no noise.
 
     Raises ValueError if shapes differ, or if the mean reference is <= 0 without the reference
@@ -557,6 +560,7 @@ def _window_mean(array, radius):
     return _window_sum(array, radius) / _window_count(array.shape, radius)
 
 
+@lru_cache(maxsize=4)
 def _window_count(shape, radius):
     return _window_sum(np.ones((*shape[:2], 1)), radius)
 
@@ -579,23 +583,37 @@ def _window_sum(array, radius):
 
 # Distributions --------------------------------------------------------------------------------
 
+# Few values are ever needed, so each is computed by itself with the standard library.
+
 # Above this many degrees of freedom the continued fraction loses digits to cancellation and
 # Hill's expansion is exact to rounding.
 _MANY_DEGREES_OF_FREEDOM = 1e4
+# From here on the difference of lgammas loses digits, and the series beside it is exact.
+_LARGE_ARGUMENT = 50.0
 
 
 def normal_sf(x):
     """Upper tail of the standard normal, erfc(x / sqrt(2)) / 2, relative error about 1e-15."""
-    return 0.5 * _erfc(np.asarray(x, dtype=np.float64) / math.sqrt(2.0))
+    return _normal_tail(x)[()]
 
 
 def normal_isf(p):
     """The x with `normal_sf(x)` = p, 0 < p < 1. Wichura's AS 241, by the standard library."""
-    return -_inverse_normal(_checked_tail(p))
+    return _normal_quantile(_checked_tail(p))[()]
 
 
-_erfc = np.vectorize(math.erfc, otypes=[float])
-_inverse_normal = np.vectorize(NormalDist().inv_cdf, otypes=[float])
+def student_t_sf(t, dof):
+    """Upper tail of Student's t: half the regularised incomplete beta I_x(dof/2, 1/2).
+
+    x = dof / (dof + t**2). t and dof > 0 broadcast; dof may be infinite (normal). Relative
+    error under 1e-10 for tails down to 1e-50. Abramowitz & Stegun 26.5.27, 26.7.
+    """
+    return _student_t_tail(t, _checked_dof(dof))[()]
+
+
+def student_t_isf(p, dof):
+    """The t with `student_t_sf(t, dof)` = p, 1e-100 < p < 1; p and dof > 0 broadcast."""
+    return _student_t_quantile(_checked_tail(p), _checked_dof(dof))[()]
 
 
 def _checked_tail(p):
@@ -608,59 +626,106 @@ def _checked_tail(p):
     return p
 
 
-def student_t_sf(t, dof):
-    """Upper tail of Student's t: half the regularised incomplete beta I_x(dof/2, 1/2).
-
-    x = dof / (dof + t**2). t and dof > 0 broadcast; dof may be infinite (normal). Relative
-    error under 1e-10 for tails down to 1e-12 and below. Abramowitz & Stegun 26.5.27, 26.7.
-    """
-    t, dof = np.broadcast_arrays(np.asarray(t, float), np.asarray(dof, float))
+def _checked_dof(dof):
+    dof = np.asarray(dof, dtype=np.float64)
     if not np.all(dof > 0.0):
         raise ValueError(
             f"dof must be > 0, got {dof.min()}: a variance from k repeats has k - 1; use k >= 2"
         )
-    tail = np.empty(t.shape)
-    size = np.abs(t)
-    many = dof > _MANY_DEGREES_OF_FREEDOM
-    infinite = np.isinf(dof)
-    tail[infinite] = normal_sf(size[infinite])
-    expansion = many & ~infinite
-    tail[expansion] = normal_sf(_hill_score(size[expansion], dof[expansion]))
-    tail[~many] = _beta_tail(size[~many], dof[~many])
-    return np.where(t < 0.0, 1.0 - tail, tail)
+    return dof
+
+
+def _elementwise(function):
+    return np.vectorize(function, otypes=[float])
+
+
+@_elementwise
+def _normal_tail(x):
+    return 0.5 * math.erfc(x / math.sqrt(2.0))
+
+
+@_elementwise
+def _normal_quantile(p):
+    return -NormalDist().inv_cdf(p)
+
+
+@_elementwise
+def _student_t_tail(t, dof):
+    tail = _tail(abs(t), dof)
+    return tail if t >= 0.0 else 1.0 - tail
+
+
+@_elementwise
+def _student_t_quantile(p, dof):
+    if p == 0.5:
+        return 0.0
+    t = _quantile(min(p, 1.0 - p), dof)
+    return t if p < 0.5 else -t
+
+
+def _tail(t, dof):
+    """Upper tail at t >= 0, held at 1e150 so that squares stay finite."""
+    t = min(t, 1e150)
+    if math.isinf(dof):
+        return 0.5 * math.erfc(t / math.sqrt(2.0))
+    if dof > _MANY_DEGREES_OF_FREEDOM:
+        return 0.5 * math.erfc(_hill_score(t, dof) / math.sqrt(2.0))
+    a, ratio = 0.5 * dof, t**2 / dof
+    # x**a (1 - x)**(1/2) / B(a, 1/2), with x = 1 / (1 + ratio).
+    front = math.sqrt(ratio) * math.exp(-(a + 0.5) * math.log1p(ratio) - _log_beta_half(a))
+    # The fraction converges on this side of the mean of the beta distribution.
+    if (a + 2.5) < (a + 1.0) * (1.0 + ratio):
+        return 0.5 * front * _beta_fraction(a, 0.5, 1.0 / (1.0 + ratio)) / a
+    return 0.5 - front * _beta_fraction(0.5, a, ratio / (1.0 + ratio))
+
+
+def _quantile(p, dof):
+    """The t with tail p < 1/2.
+
+    Newton's method on log(tail) against log(t), a concave falling curve: after the first step
+    it approaches from the right and cannot overshoot.
+    """
+    t = -NormalDist().inv_cdf(p)
+    if math.isinf(dof):
+        return t
+    for _ in range(200):
+        tail = _tail(t, dof)
+        step = math.log(tail / p) * tail / (t * _density(t, dof))
+        t *= math.exp(step)
+        # Convergence is quadratic: a last step of 1e-7 leaves an error near 1e-14.
+        if abs(step) < 1e-7:
+            return t
+    raise ArithmeticError(f"Student-t quantile of {p}, {dof} degrees of freedom: no convergence")
+
+
+def _density(t, dof):
+    """Student's t probability density."""
+    power = 0.5 * (dof + 1.0) * math.log1p(t * t / dof)
+    return math.exp(-0.5 * math.log(dof) - _log_beta_half(0.5 * dof) - power)
 
 
 def _hill_score(t, dof):
     """Normal score of t (Hill 1970, CACM algorithm 395); the next term is of order dof**-4."""
     a = dof - 0.5
     b = 48.0 * a**2
-    w = np.sqrt(a * np.log1p(t**2 / dof))
+    w = math.sqrt(a * math.log1p(t**2 / dof))
     return w + (w**3 + 3.0 * w) / b
 
 
-def _beta_tail(t, dof):
-    """Upper tail at t >= 0 by the continued fraction of the incomplete beta."""
-    a = 0.5 * dof
-    ratio = t**2 / dof
-    # x**a (1 - x)**(1/2) / B(a, 1/2), with x = 1 / (1 + ratio).
-    front = np.sqrt(ratio) * np.exp(-(a + 0.5) * np.log1p(ratio) - _log_beta_half(a))
-    x = 1.0 / (1.0 + ratio)
-    far = x < (a + 1.0) / (a + 2.5)
-    tail = np.empty(t.shape)
-    tail[far] = 0.5 * front[far] * _beta_fraction(a[far], 0.5, x[far]) / a[far]
-    near = ~far
-    one_minus_x = (ratio / (1.0 + ratio))[near]
-    tail[near] = 0.5 - front[near] * _beta_fraction(0.5, a[near], one_minus_x)
-    return tail
+def _log_beta_half(a):
+    """log B(a, 1/2), relative error of B under 1e-13 for every a > 0."""
+    if a < _LARGE_ARGUMENT:
+        ratio = math.lgamma(a) - math.lgamma(a + 0.5)
+    else:
+        # DLMF 5.11.13; the next term is 17 / (14336 a**7), under 2e-15.
+        ratio = -0.5 * math.log(a) + 1 / (8 * a) - 1 / (192 * a**3) + 1 / (640 * a**5)
+    return 0.5 * math.log(math.pi) + ratio
 
 
 def _beta_fraction(a, b, x):
     """Continued fraction of the incomplete beta (DLMF 8.17.22) by Lentz's method."""
-    if x.size == 0:
-        return np.empty(x.shape)
-    c = np.ones(x.shape)
-    d = 1.0 / (1.0 - (a + b) * x / (a + 1.0))
-    fraction = d.copy()
+    c, d = 1.0, 1.0 / (1.0 - (a + b) * x / (a + 1.0))
+    fraction = d
     for m in range(1, 2000):
         even = m * (b - m) * x / ((a + 2 * m - 1.0) * (a + 2 * m))
         odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1.0))
@@ -668,53 +733,6 @@ def _beta_fraction(a, b, x):
             d = 1.0 / (1.0 + coefficient * d)
             c = 1.0 + coefficient / c
             fraction *= c * d
-        if np.all(np.abs(c * d - 1.0) < 2e-15):
+        if abs(c * d - 1.0) < 2e-15:
             return fraction
-    raise ArithmeticError("incomplete beta: the continued fraction did not converge")
-
-
-def student_t_isf(p, dof):
-    """The t with `student_t_sf(t, dof)` = p, 0 < p < 1; p and dof > 0 broadcast.
-
-    Newton's method on log(tail) against log(t), a concave falling curve: after the first step
-    it approaches from the right and cannot leave the bracket.
-    """
-    p, dof = np.broadcast_arrays(_checked_tail(p), np.asarray(dof, dtype=np.float64))
-    upper = np.minimum(p, 1.0 - p)
-    log_upper = np.log(upper)
-    t = np.array(normal_isf(upper))
-    solve = np.isfinite(dof) & (upper < 0.5)
-    if solve.any():
-        t[solve] = _newton_t(t[solve], log_upper[solve], dof[solve])
-    t = np.where(upper == 0.5, 0.0, t)
-    return np.where(p > 0.5, -t, t)
-
-
-def _newton_t(t, log_tail, dof):
-    for _ in range(200):
-        tail = student_t_sf(t, dof)
-        step = (np.log(tail) - log_tail) * tail / (t * _student_t_pdf(t, dof))
-        t = t * np.exp(step)
-        # Convergence is quadratic: a last step of 1e-7 leaves an error near 1e-14.
-        if np.all(np.abs(step) < 1e-7):
-            return t
-    raise ArithmeticError("Student-t quantile: Newton's method did not converge")
-
-
-def _student_t_pdf(t, dof):
-    log_norm = -0.5 * np.log(dof) - _log_beta_half(0.5 * dof)
-    return np.exp(log_norm - 0.5 * (dof + 1.0) * np.log1p(t**2 / dof))
-
-
-def _log_beta_half(a):
-    """log B(a, 1/2), relative error of B under 1e-13 for every a > 0."""
-    # Differences of lgamma lose digits as a grows; the asymptotic series (DLMF 5.11.13) has a
-    # next term of 17 / 14336 / a**7, under 2e-15 from a = 50.
-    large = np.maximum(a, 50.0)
-    series = -0.5 * np.log(large) + 1 / (8 * large) - 1 / (192 * large**3) + 1 / (640 * large**5)
-    small = np.minimum(a, 50.0)
-    difference = _log_gamma(small) - _log_gamma(small + 0.5)
-    return 0.5 * math.log(math.pi) + np.where(a > 50.0, series, difference)
-
-
-_log_gamma = np.vectorize(math.lgamma, otypes=[float])
+    raise ArithmeticError(f"incomplete beta of {a}, {b} at {x}: no convergence")

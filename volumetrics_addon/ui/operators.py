@@ -16,19 +16,23 @@ class VOLUMETRICS_OT_add(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ..blender import items
-        from ..parameters import preset as presets
         from . import properties
 
         settings = context.window_manager.volumetrics
         if not settings.loaded:
             properties.load_preset(settings)
-        preset = presets.load(settings.preset)
+        preset = properties.preset_named(settings.preset)
         try:
-            items.add_item(context.scene, preset.family, properties.values(settings), preset.label, settings.orders,
-                           tuple(context.scene.cursor.location))
+            item = items.add_item(context.scene, preset.family, properties.values(settings), preset.label, settings.orders,
+                                  tuple(context.scene.cursor.location))
         except ValueError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        for selected in list(context.view_layer.objects.selected):
+            selected.select_set(False)
+        for added in item.objects:
+            added.select_set(True)
+        context.view_layer.objects.active = item.objects[0]
         return {"FINISHED"}
 
 
@@ -38,7 +42,11 @@ class VOLUMETRICS_OT_remove(bpy.types.Operator):
     bl_description = "Remove what was added and bring back the settings it changed"
     bl_options = {"REGISTER", "UNDO"}
 
-    item: bpy.props.StringProperty(name="Item", options={"SKIP_SAVE"})
+    item: bpy.props.StringProperty(name="Item", description="Name of the item's collection", options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.mode == "OBJECT"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ..blender import items

@@ -7,9 +7,8 @@ import textwrap
 
 import bpy
 
-from ..parameters import preset as presets
 from ..parameters.families import FAMILIES
-from .properties import ICONS
+from .properties import ICONS, label, preset_named
 
 
 class VOLUMETRICS_PT_main(bpy.types.Panel):
@@ -26,48 +25,44 @@ class VOLUMETRICS_PT_main(bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         settings = context.window_manager.volumetrics
+        preset = preset_named(settings.preset)
         layout.prop(settings, "preset", text="")
-        preset = presets.load(settings.preset)
-        text = layout.column(align=True)
-        text.scale_y = 0.8
-        for line in textwrap.wrap(preset.description, max(20, int(context.region.width / 8))):
-            text.label(text=line)
+        _wrapped(layout, preset.description, context)
         row = layout.row()
         row.scale_y = 1.4
         row.operator("volumetrics.add", icon="ADD")
-        if settings.loaded:
-            self._parameters(layout, settings, preset)
-
-        present = items.items(context.scene)
-        if present:
-            layout.separator()
-            layout.label(text="In this scene")
-        for item in present:
-            box = layout.box()
-            row = box.row()
-            row.label(text=item.name, icon=ICONS[items.record(item)["family"]])
-            row.operator("volumetrics.remove", text="", icon="X").item = item.name
-            if context.object is not None and context.object.name in item.objects:
-                self._live(box, item)
-
-    def _parameters(self, layout: bpy.types.UILayout, settings, preset: presets.Preset) -> None:
-        row = layout.row()
-        row.use_property_split = False
-        row.prop(settings, "show_parameters", emboss=False,
-                 icon="DOWNARROW_HLT" if settings.show_parameters else "RIGHTARROW")
-        if settings.show_parameters:
-            column = layout.column()
+        header, body = layout.panel_prop(settings, "show_parameters")
+        header.label(text="Parameters")
+        if body:
             for parameter in FAMILIES[preset.family].parameters:
-                column.prop(getattr(settings, preset.family), parameter.name)
-            column.prop(settings, "orders")
+                body.prop(getattr(settings, preset.family), parameter.name)
+            body.prop(settings, "orders")
+        for item in items.items(context.scene):
+            _item(layout, item)
 
-    def _live(self, layout: bpy.types.UILayout, item: bpy.types.Collection) -> None:
-        from ..blender import items
 
-        node = items.live_node(item)
-        if node is not None:
-            for socket in node.inputs:
-                layout.prop(socket, "default_value", text=socket.name)
+def _wrapped(layout: bpy.types.UILayout, text: str, context: bpy.types.Context) -> None:
+    """Text over as many lines as the width of the sidebar asks for; labels do not wrap by themselves."""
+    letters = context.region.width / context.preferences.system.ui_scale / 7.0 - 8.0
+    column = layout.column(align=True)
+    column.active = False
+    column.scale_y = 0.8
+    for line in textwrap.wrap(text, max(16, int(letters))):
+        column.label(text=line)
+
+
+def _item(layout: bpy.types.UILayout, item: bpy.types.Collection) -> None:
+    """What was added, folded out into the parameters that stay live, and a button that removes it."""
+    from ..blender import items
+
+    family = items.record(item)["family"]
+    header, body = layout.panel(f"volumetrics_{item.name}")
+    header.label(text=item.name, icon=ICONS[family])
+    header.operator("volumetrics.remove", text="", icon="TRASH", emboss=False).item = item.name
+    node = items.live_node(item)
+    if body and node is not None:
+        for parameter, socket in zip(FAMILIES[family].live, node.inputs):
+            body.prop(socket, "default_value", text=label(parameter))
 
 
 CLASSES = (VOLUMETRICS_PT_main,)

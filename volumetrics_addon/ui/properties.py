@@ -12,14 +12,20 @@ import bpy
 from ..parameters import preset as presets
 from ..parameters.families import FAMILIES
 from ..parameters.model import Group, Parameter
+from ..parameters.stage import STAGE
 
 ICONS = {"cloud": "OUTLINER_OB_VOLUME", "glass": "MATSPHERE", "fog": "MOD_OCEAN", "godray": "LIGHT_SPOT"}
 
 
+def label(parameter: Parameter) -> str:
+    """The parameter's label with its unit, except metres, which Blender shows in the unit of the scene."""
+    return f"{parameter.label} ({parameter.unit})" if parameter.unit not in ("", "m") else parameter.label
+
+
 def _property(parameter: Parameter) -> Any:
     """The Blender property of a parameter, with its limits, slider range, unit and description."""
-    unit = f" ({parameter.unit})" if parameter.unit and parameter.unit != "m" else ""
-    common = {"name": parameter.label + unit, "description": parameter.description, "default": parameter.default}
+    # Blender ends every description with a full stop of its own.
+    common = {"name": label(parameter), "description": parameter.description.removesuffix("."), "default": parameter.default}
     if parameter.kind == "choice":
         common["items"] = [(name, label, "") for name, label in parameter.choices]
         return bpy.props.EnumProperty(**common)
@@ -45,10 +51,14 @@ def _property_group(group: Group) -> type:
 FAMILY_CLASSES = {name: _property_group(group) for name, group in FAMILIES.items()}
 
 
+# Panels are drawn at every move of the mouse; the presets that come with the add-on never change.
+preset_named = lru_cache(presets.load)
+
+
 @lru_cache(maxsize=1)
 def _preset_items() -> list[tuple[str, str, str, str, int]]:
     """Blender keeps no reference to enum texts, so the list has to live as long as the add-on."""
-    loaded = [presets.load(name) for name in presets.names()]
+    loaded = [preset_named(name) for name in presets.names()]
     loaded.sort(key=lambda preset: (list(FAMILIES).index(preset.family), preset.label))
     return [(preset.name, preset.label, preset.description, ICONS[preset.family], index)
             for index, preset in enumerate(loaded)]
@@ -56,23 +66,33 @@ def _preset_items() -> list[tuple[str, str, str, str, int]]:
 
 def load_preset(settings: bpy.types.PropertyGroup) -> None:
     """Fill the family's properties from the chosen preset."""
-    preset = presets.load(settings.preset)
+    preset = preset_named(settings.preset)
     target = getattr(settings, preset.family)
     for name, value in preset.parameters.items():
         setattr(target, name, value)
     settings.orders = preset.stage["orders"]
-    settings.loaded = settings.preset
+    settings.loaded = True
 
 
 def values(settings: bpy.types.PropertyGroup) -> dict[str, Any]:
     """The parameters as set in the UI, in the declaration's canonical types."""
-    family = presets.load(settings.preset).group
+    family = preset_named(settings.preset).group
     target = getattr(settings, family.name)
     result = {}
     for parameter in family.parameters:
         value = getattr(target, parameter.name)
-        result[parameter.name] = tuple(value) if parameter.kind in ("color", "vector") else value
+        match parameter.kind:
+            case "float":
+                value = _decimal(value)
+            case "color" | "vector":
+                value = tuple(map(_decimal, value))
+        result[parameter.name] = value
     return result
+
+
+def _decimal(value: float) -> float:
+    """The decimal number that a property stands for. It holds a float32: 0.999 as 0.99900001, beyond its own limit."""
+    return float(f"{value:.7g}")
 
 
 class VolumetricsSettings(bpy.types.PropertyGroup):
@@ -80,12 +100,16 @@ class VolumetricsSettings(bpy.types.PropertyGroup):
         name="Preset", description="What to add to the scene", items=lambda self, context: _preset_items(),
         update=lambda self, context: load_preset(self),
     )
-    loaded: bpy.props.StringProperty(options={"HIDDEN"})
-    orders: bpy.props.IntProperty(
-        name="Scattering orders", description="Orders of scattering that Cycles follows; 1 is single scattering",
-        default=1, min=1, max=1024)
-    show_parameters: bpy.props.BoolProperty(name="Parameters", default=False)
-    __annotations__ |= {name: bpy.props.PointerProperty(type=cls) for name, cls in FAMILY_CLASSES.items()}
+    loaded: bpy.props.BoolProperty(
+        name="Loaded", description="The parameters below are those of the chosen preset", options={"HIDDEN"})
+    orders: _property(STAGE["orders"])
+    show_parameters: bpy.props.BoolProperty(
+        name="Parameters", description="Change the preset before it is added",
+        update=lambda self, context: self.loaded or load_preset(self),
+    )
 
+
+VolumetricsSettings.__annotations__.update(
+    {name: bpy.props.PointerProperty(type=cls) for name, cls in FAMILY_CLASSES.items()})
 
 CLASSES = (*FAMILY_CLASSES.values(), VolumetricsSettings)
