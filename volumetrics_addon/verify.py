@@ -17,6 +17,7 @@ from .compare.report import report_picture
 from .compare.statistics import Comparison, Estimate, compare
 from .parameters.preset import Preset
 from .plan.model import CYCLES, EEVEE
+from .reference import path_tracing
 from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
@@ -85,10 +86,13 @@ def image_size(preset: Preset, size: int) -> tuple[int, int]:
     return max(1, round(width)), max(1, round(height))
 
 
-def reference_of(scene: Scene, width: int, height: int, *, repeats: int = 4, strata: int = 4, seed: int = 1,
+def reference_of(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: int | None = None, seed: int = 1,
                  progress: Callable[[float], None] | None = None) -> Result:
-    """The best reference image of the scene, with its error."""
-    return integrator(scene).render(scene, width, height, repeats=repeats, strata=strata, seed=seed, progress=progress)
+    """The best reference image of the scene, with its error; strata^2 rays per pixel and repeat."""
+    chosen = integrator(scene)
+    if strata is None:
+        strata = 3 if chosen is path_tracing else 4  # a path takes far longer than a quadrature
+    return chosen.render(scene, width, height, repeats=repeats, strata=strata, seed=seed, progress=progress)
 
 
 def verify(preset: Preset, engine: str, size: int, samples: int, *, repeats: int = REPEATS, seed: int = 0,
@@ -103,7 +107,7 @@ def verify(preset: Preset, engine: str, size: int, samples: int, *, repeats: int
     if reference is None:
         reference = reference_of(scene, width, height, progress=lambda share: report("reference", share))
     count = len(rendered.images)
-    measured = Estimate.from_repeats(rendered.images) if count > 1 else Estimate.exact(rendered.images[0])
+    measured = Estimate.from_repeats(rendered.images, samples) if count > 1 else Estimate.exact(rendered.images[0])
     comparison = compare(measured, Estimate.from_repeats(reference.repeats))
     return Verification(preset, engine, comparison, rendered.images.mean(axis=0), reference, rendered.seconds, samples,
                         count, tuple(explain(scene, engine, preset)))

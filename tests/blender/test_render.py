@@ -149,6 +149,6 @@ def test_plan_settings_exist_in_this_blender():
             with build.temporary():
                 from volumetrics_addon.plan.rules import plan
 
-                made = plan(scene, engine, 1, unbiased_tracking=compat.current().volume_biased)
+                made = plan(scene, engine, 1, has_null_scattering=compat.current().volume_biased)
                 built = build.build(chosen, scene, made)
                 assert built.camera is not None and built.world is not None

@@ -536,3 +536,18 @@ def test_json_is_plain_and_finite(reference):
     assert figures["mean_relative_interval"] == ([0.5, 0.5] if reference else None)
     assert (figures["height"], figures["width"]) == (2, 2)
     assert "z" not in figures
+
+
+def test_a_float32_sum_of_equal_samples_passes_and_more_does_not():
+    """Running sums in float32, as engines make them, of a value that is not exact in binary."""
+    n = 24
+    value = np.random.default_rng(13).uniform(0.1, 1.0, (6, 6, 3)).astype(np.float32)
+    total = np.zeros_like(value)
+    for _ in range(n):
+        total += value
+    summed = (total * np.float32(1.0 / n)).astype(np.float64)
+    assert np.mean(summed != value) > 0.2
+    truth = Estimate.exact(value.astype(np.float64))
+    repeats = np.stack([summed, summed])
+    assert compare(Estimate.from_repeats(repeats, n), truth).z_pass_fraction == 1.0
+    assert compare(Estimate.from_repeats(repeats * 1.00001, n), truth).z_pass_fraction == 0.0

@@ -69,6 +69,10 @@ def test_disabling_forgets_what_the_panel_held():
     settings.cloud.extinction = 0.125
     volumetrics_addon.unregister()
     assert traces() == before
+    volumetrics_addon.register()
+    settings = bpy.context.window_manager.volumetrics
+    assert not settings.loaded and settings.cloud.extinction != 0.125
+    volumetrics_addon.unregister()
 
 
 def test_a_failing_registration_is_not_hidden(monkeypatch):
@@ -194,8 +198,8 @@ def test_operators_are_undo_steps_with_words(enabled):
     for cls in operators.CLASSES:
         assert {"REGISTER", "UNDO"} <= cls.bl_options
         assert cls.bl_label and cls.bl_description
-        registered = getattr(bpy.types, cls.__name__).bl_rna
-        assert registered.description == cls.bl_description
+        registered = getattr(bpy.ops.volumetrics, cls.bl_idname.partition(".")[2]).get_rna_type()
+        assert (registered.name, registered.description) == (cls.bl_label, cls.bl_description)
 
 
 def test_panel_stands_in_the_sidebar(enabled):

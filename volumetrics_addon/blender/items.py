@@ -83,7 +83,7 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     scene.collection.children.link(collection)
     domains = build.add_volumes(family, values, item.volumes, label, collection)
     unbiased = compat.current().volume_biased
-    cycles = plan(described, CYCLES, 1, unbiased_tracking=unbiased)
+    cycles = plan(described, CYCLES, 1, has_null_scattering=unbiased)
     for domain, chosen in zip(domains, cycles.volume_settings):
         build.set_volume_material(domain.material_slots[0].material, chosen)
     for source in item.lights:

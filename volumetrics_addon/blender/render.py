@@ -152,7 +152,7 @@ def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, s
     start = time.perf_counter()
     images = []
     with build.temporary(), tempfile.TemporaryDirectory(prefix="volumetrics") as folder:
-        plan = make_plan(scene, engine, samples, unbiased_tracking=compat.current().volume_biased)
+        plan = make_plan(scene, engine, samples, has_null_scattering=compat.current().volume_biased)
         built = build.build(preset, scene, plan)
         settings = built.render
         settings.resolution_x, settings.resolution_y, settings.resolution_percentage = width, height, 100

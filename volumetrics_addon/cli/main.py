@@ -120,7 +120,7 @@ def parser(program: str) -> argparse.ArgumentParser:
 
     tour = commands.add_parser("tour", parents=[common], help="one preset of each family in Cycles with its error")
     tour.add_argument("--out", type=Path, default=Path("out"), help="folder for the contact sheet (out)")
-    tour.add_argument("--size", type=_size, metavar="N", default=96, help="pixels along the longer side (96)")
+    tour.add_argument("--size", type=_size, metavar="N", default=112, help="pixels along the longer side (112)")
 
     table = commands.add_parser("table", parents=[common], help="Markdown tables for the documentation")
     table.add_argument("what", choices=("presets", "parameters"))
@@ -310,7 +310,7 @@ def summary(result: dict) -> str:
 
 
 # One preset of each family for the first picture: (name, samples, repeats), chosen to finish in under two minutes.
-TOUR = (("cumulus", 24, 2), ("emerald-sphere", 64, 4), ("morning-valley", 48, 3), ("theatre-slats", 64, 4))
+TOUR = (("cumulus", 24, 4), ("emerald-sphere", 64, 4), ("morning-valley", 32, 4), ("theatre-slats", 32, 4))
 
 
 def _tour(arguments: argparse.Namespace, progress: Progress) -> int:
@@ -323,8 +323,10 @@ def _tour(arguments: argparse.Namespace, progress: Progress) -> int:
     cells, results = [], []
     for name, samples, repeats in TOUR:
         preset = load(name)
-        result = verify.verify(preset, CYCLES, arguments.size, samples, repeats=repeats,
-                               progress=lambda what, share, name=name: progress(f"{name}: {what}", share))
+        report = lambda what, share, name=name: progress(f"{name}: {what}", share)  # noqa: E731
+        reference = verify.reference_of(verify.scene_of(preset), *verify.image_size(preset, arguments.size), repeats=4,
+                                        progress=lambda share: report("reference", share))
+        result = verify.verify(preset, CYCLES, arguments.size, samples, repeats=repeats, reference=reference, progress=report)
         progress.clear()
         figures = result.to_json()
         results.append(figures)

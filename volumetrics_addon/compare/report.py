@@ -223,7 +223,10 @@ def _common_box(cells):
 def _columns(count, box):
     """Columns that bring the sheet's shape nearest to _SHEET_ASPECT."""
     tall, wide = box[0] + 90, box[1] + _GAP
-    return min(count, max(1, round(math.sqrt(count * _SHEET_ASPECT * tall / wide))))
+    columns = min(count, max(1, round(math.sqrt(count * _SHEET_ASPECT * tall / wide))))
+    while columns < count and count % columns == 1:  # no picture alone in the last row
+        columns -= 1
+    return max(columns, 1)
 
 
 def _cell(page, left, top, box, cell):

@@ -21,9 +21,10 @@ import numpy as np
 # The share of pixels that must pass the pixel test (Mitsuba 3, `test_renders.py`).
 REQUIRED_PASS_FRACTION = 0.9975
 
-# Images are stored as float32. Rounding to nearest moves each of the two images by at most
-# 2**-24 of its value, so two equal radiances differ by at most 2**-23 of the larger.
-FLOAT32_ROUNDING = 2.0**-23
+# Images are stored as float32, and engines sum their samples in float32: rounding to nearest moves
+# every partial sum by at most 2**-24 of its value, hence a mean of n equal samples by at most n times
+# that.
+FLOAT32_ROUNDING = 2.0**-24
 # Below the smallest normal float32 the rounding is absolute: half of 2**-149 for each image.
 FLOAT32_SUBNORMAL = 2.0**-149
 
@@ -58,6 +59,8 @@ class Estimate:
     mean_standard_error : standard error of `mean_value`.
     third_cumulant : (h, w, 3) third central moment of the error of `value`, radiance cubed,
         finite; None where it is not known, which is taken as symmetric noise.
+    samples : number of float32 values that were summed for each pixel of a repeat; 1 for a value
+        that was only stored. It bounds the rounding, see FLOAT32_ROUNDING.
 
     The arrays are copied and read-only. Raises ValueError on wrong shapes, pixels that are not
     finite, or negative errors. Use `from_repeats`, `from_errors` or `exact` to make one.
@@ -69,6 +72,7 @@ class Estimate:
     mean_value: float
     mean_standard_error: float
     third_cumulant: np.ndarray | None = None
+    samples: int = 1
 
     def __post_init__(self):
         for name in ("value", "standard_error", "third_cumulant"):
@@ -86,10 +90,10 @@ class Estimate:
             )
 
     @classmethod
-    def from_repeats(cls, images):
+    def from_repeats(cls, images, samples=1):
         """Mean of independent repeats (seeds), with errors measured from their spread.
 
-        images : (k, h, w, 3), k >= 2. A pixel is mean +- s / sqrt(k), s**2 the unbiased sample
+        images : (k, h, w, 3), k >= 2. samples : see the class. A pixel is mean +- s / sqrt(k), s**2 the unbiased sample
         variance. The error of the image mean comes from the spread of the k image means, so
         that correlations between pixels and channels are honoured. From three repeats on the
         skewness of the noise is measured too.
@@ -110,7 +114,7 @@ class Estimate:
         value, standard_error = _mean_and_error(images)
         mean_value, mean_error = _mean_and_error(images.mean(axis=(1, 2, 3)))
         third = _third_cumulant_of_mean(images - value) if repeats > 2 else None
-        return cls(value, standard_error, repeats, float(mean_value), float(mean_error), third)
+        return cls(value, standard_error, repeats, float(mean_value), float(mean_error), third, samples)
 
     @classmethod
     def from_errors(cls, value, standard_error):
@@ -411,12 +415,13 @@ def _mean_p_value(render, reference, error, dof):
     difference = abs(render.mean_value - reference.mean_value)
     if error > 0.0:
         return min(1.0, 2.0 * float(student_t_sf(difference / error, dof)))
-    return float(difference <= _rounding(render.mean_value, reference.mean_value))
+    return float(difference <= _rounding(render, reference, render.mean_value, reference.mean_value))
 
 
-def _rounding(a, b):
-    """Largest difference that storing two equal radiances as float32 can make."""
-    return FLOAT32_ROUNDING * np.maximum(np.abs(a), np.abs(b)) + FLOAT32_SUBNORMAL
+def _rounding(render, reference, a, b):
+    """Largest difference that float32 arithmetic alone can make between two equal radiances."""
+    steps = render.samples + reference.samples
+    return steps * FLOAT32_ROUNDING * np.maximum(np.abs(a), np.abs(b)) + FLOAT32_SUBNORMAL
 
 
 # Spreads
@@ -463,7 +468,7 @@ def _noise_floor(excess, confidence):
 def _pixel_test(render, reference, significance):
     """z (h, w, 3) and pixel_passes (h, w); see `compare`."""
     difference = render.value - reference.value
-    negligible = np.abs(difference) <= _rounding(render.value, reference.value)
+    negligible = np.abs(difference) <= _rounding(render, reference, render.value, reference.value)
     variance_r, third_r, dof_r = _pixel_noise(render)
     variance_f, third_f, dof_f = _pixel_noise(reference)
     error = np.sqrt(variance_r + variance_f)

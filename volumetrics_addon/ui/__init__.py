@@ -30,6 +30,8 @@ def unregister() -> None:
     global _command
     bpy.utils.unregister_cli_command(_command)
     _command = None
+    for manager in bpy.data.window_managers:  # the values outlive the property
+        manager.property_unset("volumetrics")
     del bpy.types.WindowManager.volumetrics
     for module in reversed(_MODULES):
         for cls in reversed(module.CLASSES):
