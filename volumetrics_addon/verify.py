@@ -17,7 +17,6 @@ from .compare.report import report_picture
 from .compare.statistics import Comparison, Estimate, compare
 from .parameters.preset import Preset
 from .plan.model import CYCLES, EEVEE
-from .reference import path_tracing
 from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
@@ -26,6 +25,7 @@ from .scene.model import Scene
 # Default tolerances of the mean relative error; EEVEE approximates, so its error is stated and by default not judged.
 TOLERANCE = {CYCLES: 0.005, EEVEE: None}
 REPEATS = 8
+REFERENCE_SAMPLES = 16
 
 
 @dataclass(frozen=True)
@@ -86,16 +86,15 @@ def image_size(preset: Preset, size: int) -> tuple[int, int]:
     return max(1, round(width)), max(1, round(height))
 
 
-def reference_of(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: int | None = None, seed: int = 1,
+def reference_of(scene: Scene, width: int, height: int, *, repeats: int = 8, samples: int = REFERENCE_SAMPLES, seed: int = 1,
                  progress: Callable[[float], None] | None = None) -> Result:
-    """The best reference image of the scene, with its error; strata^2 rays per pixel and repeat."""
-    chosen = integrator(scene)
-    if strata is None:
-        strata = 3 if chosen is path_tracing else 4  # a path takes far longer than a quadrature
-    return chosen.render(scene, width, height, repeats=repeats, strata=strata, seed=seed, progress=progress)
+    """The best reference image of the scene, with its error; about ``samples`` stratified rays per pixel and repeat."""
+    strata = max(1, round(samples**0.5))
+    return integrator(scene).render(scene, width, height, repeats=repeats, strata=strata, seed=seed, progress=progress)
 
 
 def verify(preset: Preset, engine: str, size: int, samples: int, *, repeats: int = REPEATS, seed: int = 0,
+           reference_samples: int = REFERENCE_SAMPLES,
            reference: Result | None = None, quiet: bool = True,
            progress: Callable[[str, float], None] | None = None) -> Verification:
     """Render the preset, compare it with its reference and state the error."""
@@ -105,7 +104,7 @@ def verify(preset: Preset, engine: str, size: int, samples: int, *, repeats: int
     rendered = render.render(preset, scene, engine, width, height, samples, repeats=repeats, seed=seed, quiet=quiet,
                              progress=lambda share: report(engine, share))
     if reference is None:
-        reference = reference_of(scene, width, height, progress=lambda share: report("reference", share))
+        reference = reference_of(scene, width, height, samples=reference_samples, progress=lambda share: report("reference", share))
     count = len(rendered.images)
     measured = Estimate.from_repeats(rendered.images, samples) if count > 1 else Estimate.exact(rendered.images[0])
     comparison = compare(measured, Estimate.from_repeats(reference.repeats))

@@ -23,6 +23,8 @@ from volumetrics_addon.parameters.stage import STAGE
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 TINY = ("--size", "16", "--samples", "4")
+# With fewer samples or repeats the measured noise at the silhouette is itself too noisy for the test of each pixel.
+SOUND = ("--size", "16", "--samples", "16", "--repeats", "4", "--seed", "0")
 LIBXI = "libXi.so.6: cannot open shared object file: No such file or directory"
 
 
@@ -210,7 +212,7 @@ def test_render_follows_aspect_and_seed(tmp_path, monkeypatch, capsys):
 
 def test_quiet_prints_nothing(tmp_path, capfd):
     assert main(["render", "tea-glass", *TINY, "--out", str(tmp_path / "x.exr"), "--quiet"]) == OK
-    assert main(["verify", "tea-glass", *TINY, "--repeats", "2", "--out", str(tmp_path), "--quiet"]) == OK
+    assert main(["verify", "tea-glass", *SOUND, "--out", str(tmp_path), "--quiet"]) == OK
     assert tuple(capfd.readouterr()) == ("", "")
 
 
@@ -244,12 +246,12 @@ def test_failed_write_leaves_no_half_file(tmp_path, monkeypatch, capsys):
 
 
 def test_verify_states_the_error_and_writes_the_evidence(tmp_path, capsys):
-    assert main(["verify", "tea-glass", *TINY, "--repeats", "2", "--tolerance", "5%", "--out", str(tmp_path), "--json"]) == OK
+    assert main(["verify", "tea-glass", *SOUND, "--tolerance", "5%", "--out", str(tmp_path), "--json"]) == OK
     (result,) = json.loads(capsys.readouterr().out)
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "tea-glass-cycles.exr", "tea-glass-cycles.json", "tea-glass-cycles.png", "tea-glass-reference.exr"]
     assert sorted(result["files"].values()) == sorted(str(path) for path in tmp_path.iterdir())
-    assert result["passed"] and result["tolerance"] == 0.05 and result["repeats"] == 2
+    assert result["passed"] and result["tolerance"] == 0.05 and result["repeats"] == 4
     written = json.loads((tmp_path / "tea-glass-cycles.json").read_text(encoding="utf-8"))
     assert written.items() <= result.items()
     error = written["comparison"]["mean_relative_error"]
@@ -266,11 +268,19 @@ def test_verify_states_the_error_and_writes_the_evidence(tmp_path, capsys):
 
 
 def test_verify_fails_above_the_tolerance_and_still_writes(tmp_path, capsys):
-    """Four samples of a tinted ball cannot hit the reference to nine digits."""
-    assert main(["verify", "tea-glass", *TINY, "--repeats", "2", "--tolerance", "1e-9", "--out", str(tmp_path)]) == WORSE
+    """Noise cannot hit the reference to nine digits."""
+    assert main(["verify", "tea-glass", *SOUND, "--tolerance", "1e-9", "--out", str(tmp_path)]) == WORSE
     output = capsys.readouterr().out
-    assert "WORSE than" in output and "mean error" in output
+    assert "WORSE than 1e-07%" in output and "mean error" in output
     assert len(list(tmp_path.iterdir())) == 4
+
+
+def test_verify_says_when_pixels_fail_although_the_mean_is_right(tmp_path, monkeypatch, capsys):
+    from volumetrics_addon.compare import statistics
+
+    monkeypatch.setattr(statistics, "REQUIRED_PASS_FRACTION", 1.1)
+    assert main(["verify", "tea-glass", *SOUND, "--tolerance", "50%", "--out", str(tmp_path)]) == WORSE
+    assert "WORSE: too few pixels pass" in capsys.readouterr().out
 
 
 # --- doctor and a machine without Blender -----------------------------------------------------------------------

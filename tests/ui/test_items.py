@@ -343,8 +343,8 @@ def test_animation_of_live_sockets_survives_save_and_load(scene, tmp_path):
     assert items.items(scene) == []
 
 
-def test_undo_brings_the_settings_back_with_the_item(scene):
-    """The record lies on the collection, so both come and go together."""
+def test_the_record_lies_on_the_collection(scene):
+    """So undo, save and load take it along with the item."""
     item = add("cumulus")
     assert set(items.record(item)) == {"id", "family", "label", "orders", "before", "applied"}
     assert set(items.record(item)["before"]) == set(items.record(item)["applied"])

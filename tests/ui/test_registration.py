@@ -2,6 +2,7 @@
 """Enabling and disabling leaves no trace, costs no import, and the UI says what the declarations say."""
 
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -116,7 +117,10 @@ def test_property_mirrors_its_declaration(enabled, family, parameter):
     shown = owner.bl_rna.properties[parameter.name]
     assert shown.name.startswith(parameter.label)
     assert shown.description == parameter.description.removesuffix(".")  # Blender writes the full stop
-    assert parameter.unit in ("", "m") or shown.name.endswith(f"({parameter.unit})")
+    native = {"m": "LENGTH", "deg": "ROTATION", "W": "POWER"}  # the others are written into the label
+    assert (parameter.unit in native) == (shown.unit in native.values())
+    assert parameter.unit in native or shown.name.endswith(f"({parameter.unit})" if parameter.unit else parameter.label)
+    factor = math.radians(1.0) if parameter.unit == "deg" else 1.0
     value = getattr(owner, parameter.name)
     match parameter.kind:
         case "choice":
@@ -127,11 +131,10 @@ def test_property_mirrors_its_declaration(enabled, family, parameter):
         case _:
             low, high = parameter.soft_range
             limits = (shown.hard_min, shown.hard_max, shown.soft_min, shown.soft_max)
-            declared = (parameter.minimum, parameter.maximum, low, high)
-            assert np.allclose(limits, declared, rtol=1e-7, atol=0.0)
-            assert np.allclose(np.array(value), parameter.default, rtol=1e-6, atol=0.0)
-            if parameter.unit == "m":
-                assert shown.unit == "LENGTH"
+            declared = np.array((parameter.minimum, parameter.maximum, low, high))
+            assert np.allclose(limits, factor * declared, rtol=1e-6, atol=0.0)
+            assert np.allclose(np.array(value), factor * np.array(parameter.default), rtol=1e-6, atol=0.0)
+            assert not parameter.unit or shown.unit == native.get(parameter.unit, "NONE")
             if parameter.kind == "color":
                 assert shown.subtype == "COLOR"
 
@@ -177,12 +180,13 @@ def test_a_slider_at_its_end_is_allowed(enabled, family, parameter):
     owner = getattr(enabled, family)
     for limit in (parameter.minimum, parameter.maximum):
         end = int(limit) if parameter.kind == "int" else limit
-        setattr(owner, parameter.name, end if parameter.kind in ("int", "float") else (end,) * 3)
+        stored = math.radians(end) if parameter.unit == "deg" else end
+        setattr(owner, parameter.name, stored if parameter.kind in ("int", "float") else (stored,) * 3)
         read = properties.values(enabled)[parameter.name]
         assert parameter.check(read) == read and np.all(np.array(read) == end)
 
 
-def test_unfolding_the_parameters_loads_the_preset(enabled):
+def test_unfolding_the_parameters_loads_the_preset(enabled, capfd):
     first = load(enabled.preset)
     assert not enabled.loaded
     enabled.show_parameters = True
@@ -192,6 +196,7 @@ def test_unfolding_the_parameters_loads_the_preset(enabled):
     enabled.show_parameters = False
     enabled.show_parameters = True  # what was changed stays
     assert properties.values(enabled)["location"] == (1.0, 2.0, 3.0)
+    assert capfd.readouterr().err == ""  # where Blender writes what goes wrong in a callback
 
 
 def test_operators_are_undo_steps_with_words(enabled):

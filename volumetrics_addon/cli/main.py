@@ -114,6 +114,8 @@ def parser(program: str) -> argparse.ArgumentParser:
     verify.add_argument("preset", nargs="+", help="names of presets, or .toml files; 'all' for every preset")
     verify.add_argument("--repeats", type=_whole(2, 1 << 16), metavar="N",
                         help="independent renders with consecutive seeds (8)")
+    verify.add_argument("--reference-samples", type=_whole(1, 1 << 16), metavar="N",
+                        help="rays per pixel and repeat of the reference (16)")
     verify.add_argument("--tolerance", type=_tolerance, help="largest mean relative error, such as 0.005 or 0.5%% "
                         "(Cycles 0.5%%, EEVEE: stated but not judged)")
     verify.add_argument("--out", type=Path, default=Path("out"), help="folder for EXR, JSON and the report picture (out)")
@@ -281,7 +283,8 @@ def _verify(arguments: argparse.Namespace, progress: Progress) -> int:
     for preset in presets:
         result = verify.verify(
             preset, arguments.engine, arguments.size or SIZE, arguments.samples or SAMPLES[arguments.engine],
-            repeats=arguments.repeats or verify.REPEATS, seed=arguments.seed, quiet=not arguments.engine_output,
+            repeats=arguments.repeats or verify.REPEATS, seed=arguments.seed,
+            reference_samples=arguments.reference_samples or verify.REFERENCE_SAMPLES, quiet=not arguments.engine_output,
             progress=lambda what, share, name=preset.name: progress(f"{name}: {what}", share))
         paths = verify.write(result, arguments.out)
         progress.clear()
@@ -289,13 +292,22 @@ def _verify(arguments: argparse.Namespace, progress: Progress) -> int:
         code = code if passed else WORSE
         results.append({**result.to_json(), "tolerance": tolerance, "passed": passed,
                         "files": {kind: str(path) for kind, path in paths.items()}})
-        verdict = "" if tolerance is None else "  ok" if passed else f"  WORSE than {tolerance:.2%}"
-        _say(arguments, f"{preset.name:<18} {arguments.engine:<7} {summary(results[-1])}{verdict}")
+        verdict = _verdict(result.comparison.mean_relative_error, tolerance, passed)
+        _say(arguments, f"{preset.name:<18} {arguments.engine:<7} {summary(results[-1])}  {verdict}".rstrip())
     if arguments.json:
         print(json.dumps(results, indent=2))
     else:
         _say(arguments, f"reports in {arguments.out}")
     return code
+
+
+def _verdict(error: float | None, tolerance: float | None, passed: bool) -> str:
+    if tolerance is None:
+        return ""
+    if passed:
+        return "ok"
+    within = error is not None and abs(error) <= tolerance
+    return "WORSE: too few pixels pass" if within else f"WORSE than {100.0 * tolerance:g}%"
 
 
 def summary(result: dict) -> str:

@@ -8,6 +8,8 @@ import textwrap
 import bpy
 
 from ..parameters.families import FAMILIES
+from ..parameters.model import Parameter
+from ..parameters.stage import STAGE
 from .properties import ICONS, label, preset_named
 
 
@@ -22,8 +24,6 @@ class VOLUMETRICS_PT_main(bpy.types.Panel):
         from ..blender import items
 
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
         settings = context.window_manager.volumetrics
         preset = preset_named(settings.preset)
         layout.prop(settings, "preset", text="")
@@ -34,9 +34,9 @@ class VOLUMETRICS_PT_main(bpy.types.Panel):
         header, body = layout.panel_prop(settings, "show_parameters")
         header.label(text="Parameters")
         if body:
-            for parameter in FAMILIES[preset.family].parameters:
-                body.prop(getattr(settings, preset.family), parameter.name)
-            body.prop(settings, "orders")
+            for parameter in preset.group.parameters:
+                _field(body, parameter, getattr(settings, preset.family), parameter.name)
+            _field(body, STAGE["orders"], settings, "orders")
         for item in items.items(context.scene):
             _item(layout, item)
 
@@ -51,6 +51,15 @@ def _wrapped(layout: bpy.types.UILayout, text: str, context: bpy.types.Context) 
         column.label(text=line)
 
 
+def _field(layout: bpy.types.UILayout, parameter: Parameter, owner: bpy.types.bpy_struct, name: str) -> None:
+    """Label and value in two halves: Blender's own split leaves a label two fifths and cuts the longer ones off."""
+    split = layout.split(factor=0.5)
+    text = split.column()
+    text.alignment = "RIGHT"
+    text.label(text=label(parameter))
+    split.column().prop(owner, name, text="")
+
+
 def _item(layout: bpy.types.UILayout, item: bpy.types.Collection) -> None:
     """What was added, folded out into the parameters that stay live, and a button that removes it."""
     from ..blender import items
@@ -62,7 +71,7 @@ def _item(layout: bpy.types.UILayout, item: bpy.types.Collection) -> None:
     node = items.live_node(item)
     if body and node is not None:
         for parameter, socket in zip(FAMILIES[family].live, node.inputs):
-            body.prop(socket, "default_value", text=label(parameter))
+            _field(body, parameter, socket, "default_value")
 
 
 CLASSES = (VOLUMETRICS_PT_main,)

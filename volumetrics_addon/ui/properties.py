@@ -4,6 +4,7 @@
 They live on the window manager, so that a file without items keeps no trace of the add-on.
 """
 
+import math
 from functools import lru_cache
 from typing import Any
 
@@ -17,30 +18,40 @@ from ..parameters.stage import STAGE
 ICONS = {"cloud": "OUTLINER_OB_VOLUME", "glass": "MATSPHERE", "fog": "MOD_OCEAN", "godray": "LIGHT_SPOT"}
 
 
+# Units that Blender shows by itself, in the units of the scene.
+SUBTYPES = {"m": "DISTANCE", "deg": "ANGLE", "W": "POWER"}
+
+
 def label(parameter: Parameter) -> str:
-    """The parameter's label with its unit, except metres, which Blender shows in the unit of the scene."""
-    return f"{parameter.label} ({parameter.unit})" if parameter.unit not in ("", "m") else parameter.label
+    """The parameter's label, with its unit where Blender does not show it."""
+    return f"{parameter.label} ({parameter.unit})" if parameter.unit and parameter.unit not in SUBTYPES else parameter.label
+
+
+def _factor(parameter: Parameter) -> float:
+    """What Blender stores for one of the declared unit: angles in radians."""
+    return math.radians(1.0) if parameter.unit == "deg" else 1.0
 
 
 def _property(parameter: Parameter) -> Any:
     """The Blender property of a parameter, with its limits, slider range, unit and description."""
     # Blender ends every description with a full stop of its own.
-    common = {"name": label(parameter), "description": parameter.description.removesuffix("."), "default": parameter.default}
+    common = {"name": label(parameter), "description": parameter.description.removesuffix(".")}
     if parameter.kind == "choice":
-        common["items"] = [(name, label, "") for name, label in parameter.choices]
-        return bpy.props.EnumProperty(**common)
+        items = [(name, label, "") for name, label in parameter.choices]
+        return bpy.props.EnumProperty(**common, items=items, default=parameter.default)
     if parameter.kind == "bool":
-        return bpy.props.BoolProperty(**common)
-    number = int if parameter.kind == "int" else float
+        return bpy.props.BoolProperty(**common, default=parameter.default)
     low, high = parameter.soft_range
     limits = {"min": parameter.minimum, "max": parameter.maximum, "soft_min": low, "soft_max": high}
-    common |= {name: number(value) for name, value in limits.items() if value is not None}
     if parameter.kind == "int":
-        return bpy.props.IntProperty(**common)
+        return bpy.props.IntProperty(**common, **{name: int(value) for name, value in limits.items()},
+                                     default=parameter.default)
+    common |= {name: value * _factor(parameter) for name, value in limits.items()}
     if parameter.kind == "float":
-        return bpy.props.FloatProperty(**common, precision=4, subtype="DISTANCE" if parameter.unit == "m" else "NONE")
+        return bpy.props.FloatProperty(**common, default=parameter.default * _factor(parameter), precision=3,
+                                       subtype=SUBTYPES.get(parameter.unit, "NONE"))
     subtype = "COLOR" if parameter.kind == "color" else "XYZ_LENGTH" if parameter.name == "size" else "TRANSLATION"
-    return bpy.props.FloatVectorProperty(**common, size=3, subtype=subtype)
+    return bpy.props.FloatVectorProperty(**common, default=parameter.default, size=3, subtype=subtype)
 
 
 def _property_group(group: Group) -> type:
@@ -68,8 +79,9 @@ def load_preset(settings: bpy.types.PropertyGroup) -> None:
     """Fill the family's properties from the chosen preset."""
     preset = preset_named(settings.preset)
     target = getattr(settings, preset.family)
-    for name, value in preset.parameters.items():
-        setattr(target, name, value)
+    for parameter in preset.group.parameters:
+        value = preset.parameters[parameter.name]
+        setattr(target, parameter.name, value * _factor(parameter) if parameter.kind == "float" else value)
     settings.orders = preset.stage["orders"]
     settings.loaded = True
 
@@ -83,7 +95,7 @@ def values(settings: bpy.types.PropertyGroup) -> dict[str, Any]:
         value = getattr(target, parameter.name)
         match parameter.kind:
             case "float":
-                value = _decimal(value)
+                value = _decimal(value / _factor(parameter))
             case "color" | "vector":
                 value = tuple(map(_decimal, value))
         result[parameter.name] = value
@@ -105,7 +117,7 @@ class VolumetricsSettings(bpy.types.PropertyGroup):
     orders: _property(STAGE["orders"])
     show_parameters: bpy.props.BoolProperty(
         name="Parameters", description="Change the preset before it is added",
-        update=lambda self, context: self.loaded or load_preset(self),
+        update=lambda self, context: None if self.loaded else load_preset(self),
     )
 
 
