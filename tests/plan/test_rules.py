@@ -64,7 +64,7 @@ def test_light_enclosure_only_where_a_light_stands_in_the_scene():
 
 def test_participation_raises_and_never_lowers():
     scene = scene_of("cumulus")
-    wanted = participation(scene, {"cycles.max_bounces": 500, "cycles.volume_bounces": 0, "eevee.light_threshold": 1e-9})
+    wanted = participation(scene, {"cycles.max_bounces": 500, "cycles.volume_bounces": 0, "eevee.light_threshold": 1e-9}.get)
     assert wanted["cycles.max_bounces"] == 500
     assert wanted["cycles.volume_bounces"] == scene.orders - 1
     assert wanted["eevee.light_threshold"] == 1e-9

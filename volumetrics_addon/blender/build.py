@@ -11,7 +11,7 @@ import bpy
 
 from ..parameters.preset import Preset
 from ..plan.model import CYCLES, Plan
-from ..scene.model import Box, Scene, Shape, Sun, Volume
+from ..scene.model import Box, Cone, Ellipsoid, Scene, Shape, Sun, Volume
 from . import compat, groups, objects, settings
 from .nodes import Tree, socket_of
 
@@ -35,7 +35,9 @@ def add_volumes(family: str, values: Mapping[str, Any], volumes: tuple[Volume, .
     for volume in volumes:
         material = groups.material(family, values, volume.domain, name)
         domain = objects.body(volume.domain, name, material, collection)
-        domain.display_type = "WIRE" if volume.boundary is None else "TEXTURED"
+        if volume.boundary is None:  # a box, ball or cone of lines: the faces of the mesh would fill the view
+            domain.display_type = "BOUNDS"
+            domain.display_bounds_type = {Box: "BOX", Ellipsoid: "SPHERE", Cone: "CONE"}[type(volume.domain)]
         result.append(domain)
     return result
 

@@ -82,8 +82,7 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     collection = bpy.data.collections.new(label)
     scene.collection.children.link(collection)
     domains = build.add_volumes(family, values, item.volumes, label, collection)
-    unbiased = compat.current().volume_biased
-    cycles = plan(described, CYCLES, 1, has_null_scattering=unbiased)
+    cycles = plan(described, CYCLES, 1, has_null_scattering=compat.current().volume_biased)
     for domain, chosen in zip(domains, cycles.volume_settings):
         build.set_volume_material(domain.material_slots[0].material, chosen)
     for source in item.lights:
@@ -97,7 +96,11 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     for name in _OWNED:
         for block in set(getattr(bpy.data, name)) - before[name]:
             block[TAG] = identity
-    wanted = participation(described, {path: settings.get(scene, path) for path in participation(described, {})})
+    for part in collection.objects:  # whatever belongs to the item moves with its domain
+        if part != domains[0]:
+            part.parent = domains[0]
+            part.matrix_parent_inverse = domains[0].matrix_world.inverted()
+    wanted = participation(described, lambda path, default: settings.get(scene, path))
     changed = settings.apply(scene, wanted)
     collection[KEY] = json.dumps({"id": identity, "family": family, "label": label, "orders": orders,
                                   "before": changed, "applied": wanted})

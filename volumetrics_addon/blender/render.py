@@ -73,7 +73,7 @@ def write_exr(path: Path, pixels: np.ndarray) -> None:
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """A name to write to beside ``path``; it becomes ``path`` at the end, or is deleted when the writing fails."""
-    path = Path(path)
+    path = Path(path).absolute()
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:

@@ -16,7 +16,7 @@ CLOUD = Group(
         Parameter("phase", "choice", "dual_hg", "Phase function. EEVEE has one lobe and gets the mean cosine of both.",
                   choices=(("hg", "One HG lobe"), ("dual_hg", "Two HG lobes"))),
         having(G, 0.8),
-        Parameter("g_back", "float", -0.2, "Mean cosine of the second lobe.",
+        Parameter("g_back", "float", -0.2, "Mean cosine of the second lobe.", title="Second anisotropy",
                   minimum=-0.999, maximum=0.999, live=True),
         Parameter("lobe_weight", "float", 0.2, "Share of the second lobe: (1 - weight) HG(g) + weight HG(g_back).",
                   minimum=0.0, maximum=1.0, live=True),

@@ -17,6 +17,6 @@ GLASS = Group(
         Parameter("distance", "float", 0.1, "Path length inside the glass at which the light has that colour.",
                   unit="m", minimum=1e-6, maximum=1e6, soft_minimum=1e-3, soft_maximum=10.0, live=True),
         Parameter("refraction", "bool", True, "Bend and reflect light at the surface; off leaves a tinted volume only."),
-        Parameter("ior", "float", 1.5, "Index of refraction.", minimum=1.0, maximum=4.0, soft_maximum=2.5, live=True),
+        Parameter("ior", "float", 1.5, "Index of refraction.", title="IOR", minimum=1.0, maximum=4.0, soft_maximum=2.5, live=True),
     ),
 )

@@ -50,6 +50,7 @@ class Parameter:
     live: bool = False
     choices: tuple[tuple[str, str], ...] = ()
     exclusive_minimum: bool = False
+    title: str = ""  # shown to users where the name alone would not tell them what it is
 
     def __post_init__(self) -> None:
         assert self.kind in KINDS, self.kind
@@ -58,7 +59,7 @@ class Parameter:
 
     @property
     def label(self) -> str:
-        return self.name.replace("_", " ").capitalize()
+        return self.title or self.name.replace("_", " ").capitalize()
 
     @property
     def soft_range(self) -> tuple[float | None, float | None]:

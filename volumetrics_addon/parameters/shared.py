@@ -29,7 +29,7 @@ ALBEDO = Parameter(
 G = Parameter(
     "g", "float", 0.7, "Mean cosine of the Henyey-Greenstein phase function: above 0 forward, below 0 backward. "
     "Both engines clamp it to 0.999.",
-    minimum=-0.999, maximum=0.999, live=True,
+    minimum=-0.999, maximum=0.999, live=True, title="Anisotropy g",
 )
 
 

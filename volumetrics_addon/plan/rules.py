@@ -8,7 +8,7 @@ ray marching (Blender 5 and later).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from typing import Any
 
 from ..scene.model import (
@@ -182,11 +182,11 @@ def _eevee(scene: Scene, result: Plan, has_null_scattering: bool, seed: int) -> 
     result.volume_settings = [{} for _ in scene.volumes]
 
 
-def participation(scene: Scene, present: Mapping[str, Any]) -> dict[str, Any]:
-    """What a user's own scene needs so that the media take part: values by path, given those that are ``present``.
+def participation(scene: Scene, present: Callable[[str, Any], Any]) -> dict[str, Any]:
+    """What a user's own scene needs so that the media take part: values by path.
 
-    Bounce limits and resolutions are raised where they are lower and never lowered; nothing else of the user's render
-    settings is touched.
+    ``present`` gives the user's value of a path, or the default where there is none. Bounce limits and resolutions are
+    raised where they are lower and never lowered; nothing else of the user's render settings is touched.
     """
     bounces = scene.orders - 1
     glass = GLASS_BOUNCES if scene.is_dielectric else 0
@@ -197,11 +197,11 @@ def participation(scene: Scene, present: Mapping[str, Any]) -> dict[str, Any]:
         "cycles.glossy_bounces": glass,
         "eevee.volumetric_samples": EEVEE_SLICES if any(v.medium.scatters for v in scene.volumes) else 1,
     }
-    settings: dict[str, Any] = {path: max(value, present.get(path, value)) for path, value in at_least.items()}
+    settings: dict[str, Any] = {path: max(value, present(path, value)) for path, value in at_least.items()}
     settings["eevee.use_volumetric_shadows"] = True
     settings["eevee.clamp_volume_indirect"] = 0.0
     threshold = light_threshold(scene)
-    settings["eevee.light_threshold"] = min(threshold, present.get("eevee.light_threshold", threshold))
+    settings["eevee.light_threshold"] = min(threshold, present("eevee.light_threshold", threshold))
     if scene.is_dielectric:
         settings["eevee.use_raytracing"] = True
     return settings
