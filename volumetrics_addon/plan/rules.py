@@ -166,7 +166,7 @@ def _eevee(scene: Scene, result: Plan, has_null_scattering: bool, seed: int) -> 
         "eevee.shadow_resolution_scale": 1.0,
         "eevee.use_raytracing": scene.is_dielectric,
         "eevee.use_fast_gi": False,
-        "render.filter_size": 0.01,
+        "render.filter_size": 1.0,
     })
     if scene.is_dielectric:
         result.settings["eevee.ray_tracing_options.resolution_scale"] = "1"
