@@ -95,7 +95,7 @@ def reference_of(scene: Scene, width: int, height: int, *, repeats: int = 8, sam
 
 def verify(preset: Preset, engine: str, size: int, samples: int, *, repeats: int = REPEATS, seed: int = 0,
            reference_samples: int = REFERENCE_SAMPLES,
-           reference: Result | None = None, quiet: bool = True,
+           reference: Result | None = None, confidence: float = 0.95, quiet: bool = True,
            progress: Callable[[str, float], None] | None = None) -> Verification:
     """Render the preset, compare it with its reference and state the error."""
     report = progress or (lambda stage, share: None)
@@ -107,7 +107,8 @@ def verify(preset: Preset, engine: str, size: int, samples: int, *, repeats: int
         reference = reference_of(scene, width, height, samples=reference_samples, progress=lambda share: report("reference", share))
     count = len(rendered.images)
     measured = Estimate.from_repeats(rendered.images, samples) if count > 1 else Estimate.exact(rendered.images[0])
-    comparison = compare(measured, Estimate.from_repeats(reference.repeats))
+    comparison = compare(measured, Estimate.from_repeats(reference.repeats, independent_pixels=True),
+                         confidence)
     return Verification(preset, engine, comparison, rendered.images.mean(axis=0), reference, rendered.seconds, samples,
                         count, tuple(explain(scene, engine, preset)))
 

@@ -123,7 +123,8 @@ def test_single_scattering_to_four_digits(light):
 # Per preset: samples, repeats, so that the interval of the mean resolves the tolerance in a few seconds.
 QUICK = {"cloud": (96, 4), "glass": (64, 4), "fog": (64, 4), "godray": (64, 4)}
 # The reference is checked to 0.5 % everywhere and to 0.1 % in single scattering and glass; the noise of these quick
-# renders comes on top, so that a preset fails when its error is beyond the tolerance with confidence.
+# renders comes on top: a preset fails when its error is beyond the tolerance with 99.9 % confidence, so that the few
+# dozen comparisons of a test run raise no false alarm. The README's table states the errors at more samples.
 MULTIPLE, SINGLE = 0.005, 0.001
 
 
@@ -131,7 +132,8 @@ MULTIPLE, SINGLE = 0.005, 0.001
 def test_cycles_equals_the_reference(name, tmp_path):
     chosen = load(name)
     samples, repeats = QUICK[chosen.family]
-    result = verify.verify(chosen, "cycles", 32, samples, repeats=repeats)
+    result = verify.verify(chosen, "cycles", 32, samples, repeats=repeats, confidence=0.999,
+                           reference_samples=36 if chosen.stage["orders"] > 1 else 16)
     comparison = result.comparison
     low, high = comparison.mean_relative_interval
     tolerance = MULTIPLE if chosen.stage["orders"] > 1 else SINGLE
@@ -139,7 +141,7 @@ def test_cycles_equals_the_reference(name, tmp_path):
         verify.write(result, tmp_path)
         pytest.fail(f"{name}: {comparison.mean_relative_error:+.3%} [{low:+.3%}, {high:+.3%}], "
                     f"{comparison.z_pass_fraction:.2%} pass; see {tmp_path}")
-    assert high - low < 0.05  # the comparison is worth something
+    assert high - low < 0.08  # the comparison is worth something
 
 
 def test_a_wrong_albedo_is_caught():

@@ -551,3 +551,19 @@ def test_a_float32_sum_of_equal_samples_passes_and_more_does_not():
     repeats = np.stack([summed, summed])
     assert compare(Estimate.from_repeats(repeats, n), truth).z_pass_fraction == 1.0
     assert compare(Estimate.from_repeats(repeats * 1.00001, n), truth).z_pass_fraction == 0.0
+
+
+def test_independent_pixels_know_the_error_of_their_mean_better():
+    """Skewed noise in grey pixels: 95 % intervals cover in 93 to 97 % of trials, and vary far less than those of 4 means."""
+    rng = np.random.default_rng(21)
+    errors, covered, trials = [], 0, 1500
+    for _ in range(trials):
+        grey = rng.gamma(0.5, 2.0, (4, 16, 16, 1))  # mean 1
+        estimate = Estimate.from_repeats(np.repeat(grey, 3, axis=-1), independent_pixels=True)
+        low, high = compare(estimate, Estimate.exact(np.ones((16, 16, 3)))).mean_difference_interval
+        covered += low <= 0.0 <= high
+        errors.append(estimate.mean_standard_error)
+    assert 0.93 < covered / trials < 0.97
+    # sqrt(variance 2 / (4 x 256 samples)); channels are equal and count once
+    assert np.mean(errors) == pytest.approx(math.sqrt(2.0 / 1024), rel=0.02)
+    assert np.std(errors) / np.mean(errors) < 0.12

@@ -294,6 +294,8 @@ def _verify(arguments: argparse.Namespace, progress: Progress) -> int:
                         "files": {kind: str(path) for kind, path in paths.items()}})
         verdict = _verdict(result.comparison.mean_relative_error, tolerance, passed)
         _say(arguments, f"{preset.name:<18} {arguments.engine:<7} {summary(results[-1])}  {verdict}".rstrip())
+        for note in result.notes:
+            _say(arguments, f"{'':<18} - {note}")
     if arguments.json:
         print(json.dumps(results, indent=2))
     else:

@@ -62,6 +62,8 @@ class Estimate:
     samples : number of float32 values that were summed for each pixel of a repeat; 1 for a value
         that was only stored. It bounds the rounding, see FLOAT32_ROUNDING.
 
+    mean_dof : degrees of freedom of `mean_standard_error`; None where they follow from `repeats`.
+
     The arrays are copied and read-only. Raises ValueError on wrong shapes, pixels that are not
     finite, or negative errors. Use `from_repeats`, `from_errors` or `exact` to make one.
     """
@@ -73,6 +75,7 @@ class Estimate:
     mean_standard_error: float
     third_cumulant: np.ndarray | None = None
     samples: int = 1
+    mean_dof: float | None = None
 
     def __post_init__(self):
         for name in ("value", "standard_error", "third_cumulant"):
@@ -90,13 +93,17 @@ class Estimate:
             )
 
     @classmethod
-    def from_repeats(cls, images, samples=1):
+    def from_repeats(cls, images, samples=1, independent_pixels=False):
         """Mean of independent repeats (seeds), with errors measured from their spread.
 
         images : (k, h, w, 3), k >= 2. samples : see the class. A pixel is mean +- s / sqrt(k), s**2 the unbiased sample
         variance. The error of the image mean comes from the spread of the k image means, so
         that correlations between pixels and channels are honoured. From three repeats on the
         skewness of the noise is measured too.
+
+        independent_pixels : the pixels share no random numbers, as in our own references. The
+        error of the image mean then follows from the spread of every pixel, averaged over its
+        channels, which share their paths: far more degrees of freedom than k - 1 images give.
         """
         images = np.asarray(images, dtype=np.float64)
         if images.ndim != 4 or images.shape[-1] != 3 or 0 in images.shape:
@@ -114,7 +121,12 @@ class Estimate:
         value, standard_error = _mean_and_error(images)
         mean_value, mean_error = _mean_and_error(images.mean(axis=(1, 2, 3)))
         third = _third_cumulant_of_mean(images - value) if repeats > 2 else None
-        return cls(value, standard_error, repeats, float(mean_value), float(mean_error), third, samples)
+        mean_dof = None
+        if independent_pixels:
+            mean_error, mean_dof = _error_of_pixel_sum(images.mean(axis=-1))
+        return cls(
+            value, standard_error, repeats, float(mean_value), float(mean_error), third, samples, mean_dof
+        )
 
     @classmethod
     def from_errors(cls, value, standard_error):
@@ -135,6 +147,15 @@ def _mean(values):
     # A non-finite image is refused later, with a message that says where; no warning before.
     with np.errstate(invalid="ignore", over="ignore"):
         return float(np.mean(values)) if values.size else math.nan
+
+
+def _error_of_pixel_sum(grey):
+    """Error of the mean of independent pixels (k, h, w), and its Satterthwaite degrees of freedom."""
+    variance = grey.var(axis=0, ddof=1) / len(grey)
+    total = variance.sum()
+    squares = np.sum(variance**2) / (len(grey) - 1)
+    dof = float(total**2 / squares) if squares > 0.0 else math.inf
+    return math.sqrt(total) / variance.size, dof
 
 
 def _mean_and_error(samples):
@@ -351,6 +372,9 @@ def _check_probability(value, name):
 
 
 def _degrees_of_freedom(estimate):
+    """Of the error of the image mean."""
+    if estimate.mean_dof is not None:
+        return estimate.mean_dof
     return math.inf if estimate.repeats is None else estimate.repeats - 1.0
 
 
