@@ -109,6 +109,15 @@ def test_camera_rays_span_the_field_of_view():
     assert direction[3] == pytest.approx((0.0, 1.0, 0.0))
 
 
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
+def test_lowest_point(shape):
+    """No vertical line enters the shape below it, and one comes close."""
+    x, y = (g.ravel() for g in np.meshgrid(np.linspace(-4, 4, 401), np.linspace(-4, 4, 401)))
+    near, far = geometry.interval(shape, np.stack([x, y, 0 * x], axis=1), np.tile((0.0, 0.0, 1.0), (len(x), 1)))
+    found = near[near < far].min()
+    assert geometry.lowest(shape) <= found + 1e-12 and found < geometry.lowest(shape) + 0.03
+
+
 def test_normals_point_outwards():
     for shape in SHAPES[:3]:
         origin, direction = rays(200, seed=5)

@@ -67,10 +67,7 @@ def majorant(volume: Volume) -> float:
     largest = 1.0
     if isinstance(density, ExponentialHeight):
         # The density grows downwards: the lowest point of the domain bounds it.
-        lowest = float(geometry.interval(volume.domain, np.array([[0.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]))[0][0])
-        shape = volume.domain
-        lowest = min(corner[2] for corner in shape.corners) if hasattr(shape, "corners") else lowest
-        largest = np.exp(-(lowest - density.base_height) / density.scale_height)
+        largest = np.exp(-(geometry.lowest(volume.domain) - density.base_height) / density.scale_height)
     return max(volume.medium.sigma_t) * largest
 
 

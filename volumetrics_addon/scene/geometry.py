@@ -109,6 +109,20 @@ def nappe_interval(p: Array, d: Array, axis: Array, cos2: float) -> tuple[Array,
     return near, far
 
 
+def lowest(shape: Shape) -> float:
+    """Smallest z of a shape."""
+    match shape:
+        case Box():
+            return min(corner[2] for corner in shape.corners)
+        case Ellipsoid():
+            return shape.center[2] - float(np.hypot.reduce([h * axis[2] for h, axis in zip(shape.half, shape.axes)]))
+        case Cone():
+            radius = shape.length * np.tan(shape.half_angle)
+            rim = shape.apex[2] + shape.length * shape.axis[2] - radius * np.sqrt(max(0.0, 1.0 - shape.axis[2] ** 2))
+            return float(min(shape.apex[2], rim))
+    raise TypeError(f"{shape!r} is not a shape of the Scene")
+
+
 def half_line(value: Array, slope: Array) -> tuple[Array, Array]:
     """The t with value + slope t >= 0, as an interval."""
     safe = np.where(slope == 0.0, 1.0, slope)
