@@ -182,8 +182,11 @@ def shadow_interval(surface: Surface, origin: Array, direction: Array, light: Ar
 
 
 def _box_shadow(box: Box, origin: Array, direction: Array, light: Array, parallel: bool) -> tuple[Array, Array]:
-    """Union of the faces' shadows: each is bounded by the planes through the light and an edge, and by the face."""
+    """Union of the shadows of the faces towards the light: each is bounded by the face and by the planes through the light
+    and an edge of it."""
     center, axes, half = np.array(box.center), np.array(box.axes), np.array(box.half)
+    if not parallel and (np.abs(axes @ (light - center)) < half).all():
+        return np.full(len(direction), -np.inf), np.full(len(direction), np.inf)  # the light is inside the body
     near = np.full(len(direction), np.inf)
     far = np.full(len(direction), -np.inf)
     for k in range(3):
@@ -196,6 +199,8 @@ def _box_shadow(box: Box, origin: Array, direction: Array, light: Array, paralle
             toward = float(away @ axes[k])
             if abs(toward) <= 1e-12 * np.linalg.norm(away):
                 continue  # edge-on to the light: no shadow of its own
+            if half[k] > 0.0 and toward * sign > 0.0:
+                continue  # turned away from the light: in the shadow of the others
             low, high = half_line((origin - middle) @ axes[k] * np.sign(toward), direction @ axes[k] * np.sign(toward))
             corners = (middle + u + v, middle - u + v, middle - u - v, middle + u - v)
             for first, second in zip(corners, corners[1:] + corners[:1]):
