@@ -2,11 +2,12 @@
 """The documentation is what the declarations and the measurements say."""
 
 import json
+import tomllib
 from pathlib import Path
 
 import pytest
 
-from volumetrics_addon.cli import tables
+from volumetrics_addon.cli import doctor, tables
 from volumetrics_addon.parameters.preset import names
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -21,6 +22,18 @@ def test_readme_lists_every_preset_with_an_error_for_each_engine():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if line.startswith("| `") and line.count("[") == 2]
     assert [row.split("`")[1] for row in rows] == names() and rows
+
+
+def test_readme_names_the_system_libraries_that_the_doctor_knows():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    line = next(line for line in text.splitlines() if "apt-get install" in line)
+    assert set(line.split()) >= {*doctor.LIBRARIES.values(), doctor.DRIVERS}
+
+
+def test_extension_and_package_have_one_version():
+    manifest, project = (tomllib.loads((ROOT / name).read_text(encoding="utf-8"))
+                         for name in ("blender_manifest.toml", "pyproject.toml"))
+    assert manifest["version"] == project["project"]["version"]
 
 
 def test_preset_table_from_results(tmp_path):
