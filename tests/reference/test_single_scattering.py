@@ -156,7 +156,9 @@ def scenes_for_the_path_tracer():
     ball = Surface(Ellipsoid((0.4, 0.0, -0.3), (0.5, 0.5, 0.5)), (0.2, 0.5, 0.7))
     yield "fog", Scene(CAMERA, (LIGHTS["sun"],), (0.2, 0.3, 0.5), (Volume(Box((0, 0, 0.48), (4, 4, 1.5)), fog),), (floor, ball))
     beam = Cone((0.3, 0.2, 3.0), normalized((-0.1, 0.0, -1.0)), math.radians(27.0), 5.0)
-    yield "spot", Scene(CAMERA, (LIGHTS["spot"],), volumes=(Volume(beam, HAZE),), surfaces=(floor, BLOCKER))
+    # The lamp stays out of the picture: next events close to it have a variance without bound.
+    low = Camera((0.0, -6.0, -0.6), (0.0, 1.0, 0.0), math.radians(26.0))
+    yield "spot", Scene(low, (LIGHTS["spot"],), volumes=(Volume(beam, HAZE),), surfaces=(floor, BLOCKER))
     yield "overlap", Scene(CAMERA, (LIGHTS["sun"],), (0.1, 0.1, 0.1),
                            (Volume(BOX, HAZE), Volume(Ellipsoid((1.0, 0.0, 0.5), (1.5, 1.0, 1.0)), replace(HAZE, phase=Phase(-0.3)))))
 
@@ -169,7 +171,7 @@ def test_path_tracing_of_one_order_agrees(name, scene):
     difference = traced.image.mean(axis=(0, 1)) - exact.image.mean(axis=(0, 1))
     spread = np.sqrt(sum(r.repeats.mean(axis=(1, 2)).var(axis=0, ddof=1) / len(r.repeats) for r in (exact, traced)))
     assert (np.abs(difference) < 4.5 * spread).all()
-    assert (spread / exact.image.mean(axis=(0, 1)) < 0.1).all()  # the comparison is worth something
+    assert (spread / exact.image.mean(axis=(0, 1)) < 0.02).all()  # the comparison is worth something
 
 
 def test_refuses_what_it_cannot_render():
