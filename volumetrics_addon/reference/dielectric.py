@@ -2,7 +2,7 @@
 """Refracting, absorbing solids by following every reflected and refracted ray.
 
 Smooth interfaces with Fresnel reflectance for unpolarised light, Beer-Lambert inside, emitting surfaces and a uniform
-environment outside. The tree of rays is cut where a ray carries less than ``CUT`` of a pixel; what is cut, times the
+environment outside. The tree of rays is cut where a ray carries less than a given share of a pixel; what is cut, times the
 brightest radiance in the scene, is the systematic part of the stated error.
 """
 
@@ -13,9 +13,13 @@ import numpy as np
 from ..scene import geometry
 from ..scene.model import Scene
 from . import optics
-from .result import Accumulator, Progress, Result, subpixels
+from .frame import render_rays
+from .result import Progress, Result
 
 Array = np.ndarray
+
+BIAS = "None beyond the rays that carry less than a stated share of a pixel."
+SETTINGS = tuple({"cut": 10.0**-exponent} for exponent in range(1, 8))
 
 CUT = 1e-6
 MAX_DEPTH = 64
@@ -51,33 +55,22 @@ def fresnel(cos_incident: Array, ior: Array) -> tuple[Array, Array]:
     return np.where(total, 1.0, reflectance), np.where(total, 0.0, cos_refracted)
 
 
-def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: int = 2, seed: int = 0,
-           progress: Progress | None = None) -> Result:
+def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: int = 2, cut: float = CUT,
+           seed: int = 0, progress: Progress | None = None) -> Result:
     """Image of the scene through glass; each of ``repeats`` images averages strata^2 jittered rays per pixel.
+
+    Rays that carry less than ``cut`` of a pixel are not followed; the error states what they could have brought.
 
     Raises ValueError when the integrator does not apply (see ``applies``).
     """
     if reason := applies(scene):
         raise ValueError(f"dielectric does not apply: {reason}")
-    rng = np.random.default_rng(seed)
-    accumulator = Accumulator()
-    evaluations, lost = 0, 0.0
-    for repeat in range(repeats):
-        image = np.zeros((height * width, 3))
-        for x, y in subpixels(width, height, strata, rng):
-            origin, direction = geometry.camera_rays(scene.camera, width, height, x, y)
-            value, count, cut = radiance(scene, origin, direction)
-            image += value
-            evaluations += count
-            lost += cut
-        accumulator.add(image.reshape(height, width, 3) / strata**2)
-        if progress:
-            progress((repeat + 1) / repeats)
-    return accumulator.result(evaluations, "dielectric", lost / (repeats * strata**2))
+    return render_rays("dielectric", lambda origin, direction, rng: radiance(scene, origin, direction, cut), scene, width,
+                       height, repeats=repeats, strata=strata, seed=seed, random=False, progress=progress)
 
 
-def radiance(scene: Scene, origin: Array, direction: Array) -> tuple[Array, int, float]:
-    """Radiance (n, 3), rays followed, and the mean radiance that the cut rays could have carried at most."""
+def radiance(scene: Scene, origin: Array, direction: Array, cut: float = CUT) -> tuple[Array, Array, int]:
+    """Radiance (n, 3), the radiance that the cut rays could have carried at most, and the rays followed."""
     epsilon = 1e-7 * optics.scale_of(scene)
     solids = [volume for volume in scene.volumes if volume.boundary is not None]
     tinted = Scene(scene.camera, volumes=tuple(v for v in scene.volumes if v.boundary is None))
@@ -87,7 +80,7 @@ def radiance(scene: Scene, origin: Array, direction: Array) -> tuple[Array, int,
     ray = np.arange(len(direction))
     throughput = np.ones((len(direction), 3))
     inside = np.full(len(direction), -1)
-    lost, followed = 0.0, 0
+    lost, followed = np.zeros((len(direction), 3)), 0
     for depth in range(MAX_DEPTH):
         if not len(ray):
             break
@@ -134,9 +127,9 @@ def radiance(scene: Scene, origin: Array, direction: Array) -> tuple[Array, int,
             break
         ray, origin, direction, throughput, inside = (np.concatenate(parts) for parts in zip(*children))
         direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)
-        keep = throughput.max(axis=1) > CUT
-        lost += float(throughput[~keep].mean(axis=1).sum()) * brightest
+        keep = throughput.max(axis=1) > cut
+        np.add.at(lost, ray[~keep], throughput[~keep] * brightest)
         ray, origin, direction, throughput, inside = (a[keep] for a in (ray, origin, direction, throughput, inside))
     else:
-        lost += float(throughput.mean(axis=1).sum()) * brightest
-    return value, followed, lost / len(value)
+        np.add.at(lost, ray, throughput * brightest)
+    return value, lost, followed

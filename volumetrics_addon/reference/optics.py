@@ -5,10 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..physics.phase import dual_henyey_greenstein, henyey_greenstein, sample_dual_henyey_greenstein
+from ..physics import phase as phase_functions
 from ..physics.transmittance import height_optical_depth
-from ..scene import geometry
-from ..scene.model import ExponentialHeight, Homogeneous, Phase, Scene, Spot, Sun, Volume
+from ..scene import geometry, noise
+from ..scene.model import (
+    AnyPhase, ExponentialAltitude, ExponentialHeight, Grid, MiePhase, NoiseShape, Projector, RayleighPhase, Scene, Spot, Sun,
+    Volume,
+)
 
 Array = np.ndarray
 
@@ -22,34 +25,65 @@ def scale_of(scene: Scene) -> float:
     return max(sizes)
 
 
-def phase_value(phase: Phase, cos_theta: Array) -> Array:
+def phase_value(phase: AnyPhase, cos_theta: Array) -> Array:
+    """Value per steradian of a phase function at cosines between -1 and 1."""
+    match phase:
+        case RayleighPhase():
+            return phase_functions.rayleigh(cos_theta)
+        case MiePhase():
+            return phase_functions.mie_fit(cos_theta, phase.droplet_diameter)
     if phase.weight == 0.0:
-        return henyey_greenstein(cos_theta, phase.g0)
-    return dual_henyey_greenstein(cos_theta, phase.g0, phase.g1, phase.weight)
+        return phase_functions.henyey_greenstein(cos_theta, phase.g0)
+    return phase_functions.dual_henyey_greenstein(cos_theta, phase.g0, phase.g1, phase.weight)
 
 
 def is_closed_form(volume: Volume) -> bool:
-    """Whether the density integrates in closed form along a ray."""
-    return isinstance(volume.medium.density, (Homogeneous, ExponentialHeight))
+    """Whether the density's integral along a ray is known to rounding, without sampling."""
+    return not isinstance(volume.medium.density, NoiseShape)
 
 
 def density_at(volume: Volume, position: Array) -> Array:
-    """Density (n,) at positions (n, 3) inside the domain, for closed-form densities."""
-    density = volume.medium.density
-    if isinstance(density, ExponentialHeight):
-        return np.exp(-(position[:, 2] - density.base_height) / density.scale_height)
+    """Density (n,) at positions (n, 3) inside the domain."""
+    match volume.medium.density:
+        case ExponentialHeight() as density:
+            return np.exp(-(position[:, 2] - density.base_height) / density.scale_height)
+        case ExponentialAltitude() as density:
+            radius = np.linalg.norm(position - np.array(density.center), axis=1)
+            return np.exp(-(radius - density.radius) / density.scale_height)
+        case NoiseShape() as density:
+            return noise.density(density, position)
+        case Grid() as density:
+            from ..physics import grid
+            return grid.grid_density(density.values, density.low, density.high, position)
     return np.ones(len(position))
 
 
 def density_depth(volume: Volume, origin: Array, direction: Array, limit: Array | float) -> Array:
-    """Integral (n,) of the density along each ray over [0, limit] within the domain; unit: metres."""
+    """Integral (n,) of the density along each ray over [0, limit] within the domain; unit: metres.
+
+    Raises ValueError for densities that have to be sampled (see ``is_closed_form``).
+    """
     near, far = geometry.interval(volume.domain, origin, direction)
     near, far = np.maximum(near, 0.0), np.minimum(far, limit)
     length = np.maximum(far - near, 0.0)
     density = volume.medium.density
-    if isinstance(density, ExponentialHeight):
-        start = np.where(length > 0.0, origin[:, 2] + np.where(length > 0.0, near, 0.0) * direction[:, 2], 0.0)
-        return height_optical_depth(start, direction[:, 2], length, 1.0, density.scale_height, density.base_height)
+    if isinstance(density, NoiseShape):
+        raise ValueError("the optical depth of noise has no closed form, got a NoiseShape; sample it, or march it")
+    if isinstance(density, (ExponentialHeight, ExponentialAltitude, Grid)):
+        start = origin + np.where(length > 0.0, near, 0.0)[:, None] * direction
+    match density:
+        case ExponentialHeight():
+            height = np.where(length > 0.0, start[:, 2], 0.0)
+            return height_optical_depth(height, direction[:, 2], length, 1.0, density.scale_height, density.base_height)
+        case ExponentialAltitude():
+            from ..physics import atmosphere
+            offset = start - np.array(density.center)
+            radius = np.linalg.norm(offset, axis=1)
+            mu = np.einsum("ni,ni->n", offset, direction) / np.maximum(radius, 1e-300)
+            return atmosphere.optical_depth(radius, np.clip(mu, -1.0, 1.0), length, 1.0, density.scale_height, density.radius)
+        case Grid():
+            from ..physics import grid
+            return grid.grid_optical_depth(density.values, density.low, density.high, start, direction, length)
     return length
 
 
@@ -75,6 +109,15 @@ def arriving(light, position: Array) -> tuple[Array, Array, Array]:
     if isinstance(light, Sun):
         toward = np.broadcast_to(-np.array(light.direction), position.shape)
         return toward, np.full(len(position), np.inf), np.broadcast_to(np.array(light.irradiance), position.shape)
+    if isinstance(light, Projector):
+        offset = np.array(light.position) - position
+        distance = np.linalg.norm(offset, axis=1)
+        from ..physics import projector
+        intensity = projector.projector_irradiance(
+            position, light.position, light.direction, light.up, 1.0 / (4.0 * np.pi), light.horizontal_fov, light.vertical_fov,
+            light.near, light.far, light.falloff, light.blend, light.gobo, light.elliptic)
+        intensity = intensity if intensity.ndim == 2 else intensity[:, None]
+        return offset / np.maximum(distance, 1e-300)[:, None], distance, intensity * np.array(light.power)
     offset = np.array(light.position) - position
     squared = np.einsum("ni,ni->n", offset, offset)
     distance = np.sqrt(squared)
@@ -113,7 +156,14 @@ def turned_by(direction: Array, cos_theta: Array, angle: Array) -> Array:
     return result / np.linalg.norm(result, axis=1, keepdims=True)
 
 
-def sample_phase(phase: Phase, direction: Array, rng: np.random.Generator) -> Array:
+def sample_phase(phase: AnyPhase, direction: Array, rng: np.random.Generator) -> Array:
     """Scattered directions (n, 3) distributed as the phase function around ``direction``."""
-    cos_theta = sample_dual_henyey_greenstein(rng.random(len(direction)), phase.g0, phase.g1, phase.weight)
+    u = rng.random(len(direction))
+    match phase:
+        case RayleighPhase():
+            cos_theta = phase_functions.sample_rayleigh(u)
+        case MiePhase():
+            cos_theta = phase_functions.sample_mie_fit(u, phase.droplet_diameter)
+        case _:
+            cos_theta = phase_functions.sample_dual_henyey_greenstein(u, phase.g0, phase.g1, phase.weight)
     return turned_by(direction, cos_theta, 2.0 * np.pi * rng.random(len(direction)))

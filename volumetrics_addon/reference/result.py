@@ -16,11 +16,11 @@ Progress = Callable[[float], None]
 class Result:
     """An image with its stated error.
 
-    ``image`` (height, width, 3) linear radiance, row 0 at the top; ``error_estimate`` of the same shape: one standard
-    error per pixel and channel; ``systematic``: bound on what more samples would not remove (quadrature order,
-    truncated orders), as radiance averaged over the image; ``evaluations``: in-scatter or path-vertex evaluations;
-    ``seconds``: wall time; ``repeats`` (k, height, width, 3): the independent images behind mean and error. A single
-    repeat knows no error: its estimate is infinite.
+    ``image`` (height, width, 3) linear radiance, row 0 at the top; ``error_estimate`` of the same shape: the standard error
+    of the repeats and the method's own doubt about each pixel (quadrature order, truncation), added in quadrature;
+    ``systematic``: that doubt alone, which more samples would not remove, as radiance averaged over the image;
+    ``evaluations``: in-scatter or path-vertex evaluations; ``seconds``: wall time; ``repeats`` (k, height, width, 3): the
+    independent images behind mean and error. A single repeat of a random image knows no error: its estimate is infinite.
     """
 
     image: np.ndarray
@@ -42,17 +42,30 @@ class Accumulator:
     def add(self, image: np.ndarray) -> None:
         self.images.append(image)
 
-    def result(self, evaluations: int, integrator: str, systematic: float = 0.0) -> Result:
+    def result(self, evaluations: int, integrator: str, systematic: float | np.ndarray = 0.0, exact: bool = False) -> Result:
+        """``systematic``: absolute error (radiance) by construction, a number or an image; ``exact``: nothing was random."""
         images = np.stack(self.images)
-        error = images.std(axis=0, ddof=1) / np.sqrt(len(images)) if len(images) > 1 else np.full_like(images[0], np.inf)
-        return Result(images.mean(axis=0), error, evaluations, time.perf_counter() - self._start, systematic, integrator,
-                      images)
+        doubt = np.broadcast_to(systematic, images[0].shape)
+        if exact:
+            error = doubt.copy()
+        elif len(images) > 1:
+            error = np.hypot(images.std(axis=0, ddof=1) / np.sqrt(len(images)), doubt)
+        else:
+            error = np.full_like(images[0], np.inf)
+        return Result(images.mean(axis=0), error, evaluations, time.perf_counter() - self._start, float(np.mean(systematic)),
+                      integrator, images)
 
 
 def subpixels(width: int, height: int, strata: int, rng: np.random.Generator) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Raster positions, one jittered set for each of strata x strata cells of the pixel: a stratified repeat."""
-    column, row = np.meshgrid(np.arange(width), np.arange(height))
+    """Raster positions, one jittered set for each of strata x strata cells of the pixel: a stratified repeat.
+
+    ``strata`` 0 gives one set at the exact centres of the pixels: an image without the pixel's filter, on which methods
+    can be compared to the last digit.
+    """
+    column, row = (index.ravel() for index in np.meshgrid(np.arange(width), np.arange(height)))
+    if strata == 0:
+        yield column + 0.5, row + 0.5
     for cell in range(strata * strata):
-        x = column.ravel() + (cell % strata + rng.random(width * height)) / strata
-        y = row.ravel() + (cell // strata + rng.random(width * height)) / strata
+        x = column + (cell % strata + rng.random(width * height)) / strata
+        y = row + (cell // strata + rng.random(width * height)) / strata
         yield x, y

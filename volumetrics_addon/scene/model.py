@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 Vector = tuple[float, float, float]
 Color = tuple[float, float, float]
@@ -130,7 +131,25 @@ class NoiseShape:
     seed: int
 
 
-Density = Homogeneous | ExponentialHeight | NoiseShape
+@dataclass(frozen=True)
+class ExponentialAltitude:
+    """Density exp(-(|p - center| - radius) / scale_height): a planet's atmosphere, 1 at the ground."""
+
+    center: Vector
+    radius: float
+    scale_height: float
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Trilinear voxels: ``values`` (nx, ny, nz), a float array >= 0 sampled at the cell centres of the box, 0 outside it."""
+
+    values: Any
+    low: Vector
+    high: Vector
+
+
+Density = Homogeneous | ExponentialHeight | NoiseShape | ExponentialAltitude | Grid
 
 
 @dataclass(frozen=True)
@@ -147,12 +166,29 @@ class Phase:
 
 
 @dataclass(frozen=True)
+class RayleighPhase:
+    """Molecules: 3 / (16 pi) (1 + cos^2)."""
+
+    mean_cosine = 0.0
+
+
+@dataclass(frozen=True)
+class MiePhase:
+    """The HG + Draine fit to water droplets of this diameter (micrometres, 5 to 50)."""
+
+    droplet_diameter: float
+
+
+AnyPhase = Phase | RayleighPhase | MiePhase
+
+
+@dataclass(frozen=True)
 class Medium:
     """Scattering and absorption coefficients (1/m, per channel) where the density is 1."""
 
     sigma_s: Color
     sigma_a: Color
-    phase: Phase = Phase(0.0)
+    phase: AnyPhase = Phase(0.0)
     density: Density = Homogeneous()
 
     @property
@@ -214,7 +250,32 @@ class Spot:
     blend: float
 
 
-Light = Sun | Point | Spot
+@dataclass(frozen=True, eq=False)
+class Projector:
+    """Light from a point through a frustum, as a slide projector: intensity power / (4 pi) over distance^falloff.
+
+    ``horizontal_fov`` and ``vertical_fov`` are full angles in radians, ``near`` and ``far`` distances along
+    ``direction`` (m). ``blend`` softens the edge as a share of the half width, ``elliptic`` rounds the frustum.
+    ``gobo`` is an image (rows, columns[, 3]) >= 0 in the light's way, ``ambient`` a radiance that reaches every point of
+    the media unshadowed and undimmed.
+    """
+
+    position: Vector
+    direction: Vector
+    up: Vector
+    power: Color
+    horizontal_fov: float
+    vertical_fov: float
+    near: float = 0.0
+    far: float = math.inf
+    falloff: int = 2
+    blend: float = 0.0
+    elliptic: bool = False
+    gobo: Any = None
+    ambient: Color = (0.0, 0.0, 0.0)
+
+
+Light = Sun | Point | Spot | Projector
 
 
 @dataclass(frozen=True)
