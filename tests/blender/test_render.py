@@ -169,5 +169,5 @@ def test_plan_settings_exist_in_this_blender():
                 from volumetrics_addon.plan.rules import plan
 
                 made = plan(scene, engine, 1, has_null_scattering=compat.current().volume_biased)
-                built = build.build(chosen, scene, made)
+                built = build.build(scene, [(chosen.family, chosen.parameters)] * len(scene.volumes), made, chosen.label)
                 assert built.camera is not None and built.world is not None

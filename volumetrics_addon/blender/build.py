@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a preset and its Scene to a Blender scene of its own, and away again."""
+"""From a Scene to a Blender scene of its own, and away again."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import bpy
 
-from ..parameters.preset import Preset
 from ..plan.model import CYCLES, Plan
 from ..scene.model import Box, Cone, Ellipsoid, Scene, Shape, Sun, Volume
 from . import compat, groups, objects, settings
@@ -42,18 +41,21 @@ def add_volumes(family: str, values: Mapping[str, Any], volumes: tuple[Volume, .
     return result
 
 
-def build(preset: Preset, scene: Scene, plan: Plan) -> bpy.types.Scene:
-    """A Blender scene that shows the preset on its stage, with the plan's settings applied."""
+def build(scene: Scene, parameters: Sequence[tuple[str, Mapping[str, Any]]], plan: Plan, label: str) -> bpy.types.Scene:
+    """A Blender scene that shows the Scene, with the plan's settings applied.
+
+    ``parameters`` holds the family of each volume and its values, from a preset or from scene.describe.
+    """
     result = bpy.data.scenes.new("Volumetrics")
     collection = result.collection
-    domains = add_volumes(preset.family, preset.parameters, scene.volumes, preset.label, collection)
-    for domain, values in zip(domains, plan.volume_settings):
-        set_volume_material(domain.material_slots[0].material, values)
+    for volume, (family, values), settings_of_volume in zip(scene.volumes, parameters, plan.volume_settings, strict=True):
+        domain, = add_volumes(family, values, (volume,), label, collection)
+        set_volume_material(domain.material_slots[0].material, settings_of_volume)
     for index, source in enumerate(scene.lights):
-        objects.light(source, f"{preset.label} light {index}", collection)
+        objects.light(source, f"{label} light {index}", collection)
     for index, surface in enumerate(scene.surfaces):
-        objects.body(surface.shape, f"{preset.label} body {index}",
-                     objects.surface_material(surface, f"{preset.label} body {index}"), collection)
+        objects.body(surface.shape, f"{label} body {index}",
+                     objects.surface_material(surface, f"{label} body {index}"), collection)
     if plan.light_enclosure:
         add_enclosure(scene, "Light enclosure", collection)
     result.world = objects.world(scene.environment, "Volumetrics world")

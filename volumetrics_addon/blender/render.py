@@ -9,10 +9,11 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -147,23 +148,35 @@ def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, s
 
     Raises RenderError when the engine writes no image.
     """
+    return render_scene(scene, [(preset.family, preset.parameters)] * len(scene.volumes), preset.label, engine, width, height,
+                        samples, seed=seed, repeats=repeats, quiet=quiet, progress=progress)
+
+
+def render_scene(scene: Scene, parameters: Sequence[tuple[str, Mapping[str, Any]]], label: str, engine: str, width: int,
+                 height: int, samples: int, *, settings: Mapping[str, Any] | None = None, seed: int = 0, repeats: int = 1,
+                 quiet: bool = True, progress: Callable[[float], None] | None = None) -> Rendered:
+    """Render a Scene whose volumes have these families and values; ``settings`` by path go over those of the plan.
+
+    Raises RenderError when the engine writes no image.
+    """
     if engine != CYCLES:
         repeats = 1
     start = time.perf_counter()
     images = []
     with build.temporary(), tempfile.TemporaryDirectory(prefix="volumetrics") as folder:
         plan = make_plan(scene, engine, samples, has_null_scattering=compat.current().volume_biased)
-        built = build.build(preset, scene, plan)
-        settings = built.render
-        settings.resolution_x, settings.resolution_y, settings.resolution_percentage = width, height, 100
-        settings.pixel_aspect_x = settings.pixel_aspect_y = 1.0
-        settings.use_file_extension = True
-        compat.select_exr(settings.image_settings)
+        plan.settings.update(settings or {})
+        built = build.build(scene, parameters, plan, label)
+        render = built.render
+        render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+        render.pixel_aspect_x = render.pixel_aspect_y = 1.0
+        render.use_file_extension = True
+        compat.select_exr(render.image_settings)
         for repeat in range(repeats):
             if engine == CYCLES:
                 built.cycles.seed = seed + repeat
             path = Path(folder) / f"{repeat}.exr"
-            settings.filepath = str(path)
+            render.filepath = str(path)
             with _interruptible(folder), _quiet(quiet):
                 bpy.ops.render.render(write_still=True, scene=built.name)
             if not path.exists():
