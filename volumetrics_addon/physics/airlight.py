@@ -21,6 +21,7 @@ for path tracing in participating media, EGSR 2012.
 All functions raise ValueError for NaN and for arguments out of range.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -87,7 +88,7 @@ def point_light(
     A light exactly on the ray (within 1e-150 m) makes the integral infinite, as does
     one at its start: the value is then infinity, and its error estimate 0.
     """
-    shape, ray = _rays(origin, direction, distance, light_position, intensity, sigma_s, sigma_t)
+    shape, ray, _ = _rays(origin, direction, distance, light_position, intensity, sigma_s, sigma_t)
     breaks = np.stack([ray.near, ray.far], axis=-1)
     return _integrate(ray, breaks, _uniform_emission, phase, order, adaptive, rtol, shape)
 
@@ -128,16 +129,18 @@ def spot_light(
         "give the full angle of the cone",
     )
     blend = checks.fraction("blend", blend)
-    shape, ray, spot = _rays(
-        origin,
-        direction,
-        distance,
-        light_position,
-        intensity,
-        sigma_s,
-        sigma_t,
-        spot=(spot_direction, cone_angle, blend),
+
+    def cone(direction, to_foot):
+        length = _length_of(to_foot)
+        across = np.sum(to_foot * spot_direction, axis=-1) / np.where(length > 0, length, 1.0)
+        edge = np.cos(cone_angle / 2)
+        along = np.sum(spot_direction * direction, axis=-1)
+        return along, across, edge, edge + (1 - edge) * blend
+
+    shape, ray, parts = _rays(
+        origin, direction, distance, light_position, intensity, sigma_s, sigma_t, cone
     )
+    spot = _Spot(*parts)
     breaks = np.clip(_cone_breaks(ray, spot), ray.near[:, np.newaxis], ray.far[:, np.newaxis])
 
     def emission(a, d, index):
@@ -193,7 +196,7 @@ def sun(
     checks.checked(
         "sun_distance along the ray",
         s_end,
-        lambda s: s >= -slack,
+        lambda s: (s >= -slack) & (s > -np.inf),
         ">= 0 metres",
         "end the ray where it leaves the medium",
     )
@@ -250,7 +253,7 @@ def point_light_without_extinction(
     L = sigma_s I / (4 pi) * (angle under which the light sees the ray) / D, the
     limit of a thin medium. Arguments as in point_light.
     """
-    shape, ray = _rays(origin, direction, distance, light_position, intensity, sigma_s, 0.0)
+    shape, ray, _ = _rays(origin, direction, distance, light_position, intensity, sigma_s, 0.0)
     touching = _touches_light(ray)
     angle = _angle_over_height(ray.near, ray.far, np.where(touching, 1.0, ray.height))
     lit = (ray.strength > 0) & (ray.near < ray.far)
@@ -275,6 +278,14 @@ class _Ray(NamedTuple):
     sigma_t: np.ndarray
 
 
+class _Measure(NamedTuple):
+    """A variable of integration along the ray; each function takes the height last."""
+
+    width: Callable  # its increase from low to high
+    middle: Callable  # position halfway between low and high
+    positions: Callable  # positions at offsets (panels, nodes) from the middle, within low and high
+
+
 class _Spot(NamedTuple):
     along: np.ndarray  # cosine between spot axis and ray
     across: np.ndarray  # cosine between spot axis and the way from light to foot
@@ -282,7 +293,12 @@ class _Spot(NamedTuple):
     full: np.ndarray  # cosine from which on it is fully lit
 
 
-def _rays(origin, direction, distance, position, intensity, sigma_s, sigma_t, spot=None):
+def _rays(origin, direction, distance, position, intensity, sigma_s, sigma_t, parts=None):
+    """Shape of the result, rays, and further arrays of the light, all flattened.
+
+    ``parts`` maps the unit direction and the way from the light to its foot (..., 3),
+    zero for a light on the line, to such arrays.
+    """
     origin = checks.vector("origin", origin, "metres")
     position = checks.vector("light_position", position, "metres")
     direction = checks.unit_vector("direction", direction)
@@ -295,21 +311,14 @@ def _rays(origin, direction, distance, position, intensity, sigma_s, sigma_t, sp
     height = _length_of(np.cross(to_light, direction))
     height = np.where(height < _ON_THE_LINE, 0.0, height)
     rays = [foot, height, distance, sigma_s * intensity, sigma_t]
-    if spot is not None:
-        axis, cone_angle, blend = spot
+    if parts is not None:
         to_foot = foot[..., np.newaxis] * direction - to_light
-        length = _length_of(to_foot)
-        across = np.sum(to_foot * axis, axis=-1) / np.where(length > 0, length, 1.0)
-        across = np.where(height > 0, across, 0.0)
-        edge = np.cos(cone_angle / 2)
-        full = edge + (1 - edge) * blend
-        rays += [np.sum(axis * direction, axis=-1), across, edge, full]
+        rays += parts(direction, np.where(height[..., np.newaxis] > 0, to_foot, 0.0))
 
     rays = np.broadcast_arrays(*rays)
     shape = rays[0].shape
-    foot, height, distance, strength, sigma_t, *cone = (x.ravel() for x in rays)
-    ray = _Ray(foot, height, -foot, distance - foot, strength, sigma_t)
-    return (shape, ray) if spot is None else (shape, ray, _Spot(*cone))
+    foot, height, distance, strength, sigma_t, *parts = (x.ravel() for x in rays)
+    return shape, _Ray(foot, height, -foot, distance - foot, strength, sigma_t), parts
 
 
 def _length_of(vector):
@@ -345,10 +354,11 @@ def _middle(low, high, height):
     total = np.where(from_low + from_end > 0, from_low + from_end, 1.0)
     same_side = low * (from_end / total) + end * (from_low / total)
     # Opposite signs cancel; their difference of squares does not.
-    crossed = end * from_low - low * from_end
-    opposite = height * (height / total) * ((end + low) * (end - low))
-    opposite = opposite / np.where(crossed > 0, crossed, 1.0)
-    halved = np.where((low < 0) & (end > 0), opposite, same_side)
+    # The share below is at most 1, and no product on the way to it overflows.
+    crosses = (low < 0) & (end > 0)
+    crossed = np.where(crosses, end * from_low - low * from_end, 0.0)
+    share = np.where(crosses, height * (end - low), 0.0) / np.where(crossed > 0, crossed, 1.0)
+    halved = np.where(crosses, height * ((end + low) / total) * share, same_side)
     return np.where(endless, _tangent(low, height), halved)
 
 
@@ -402,20 +412,31 @@ def _uniform_emission(a, d, index):
 
 
 def _integrate(ray, breaks, emission, phase, order, adaptive, rtol, shape):
-    """Sum the panels between neighbouring breaks (rays, n), halving them if adaptive."""
+    """Sum the panels between neighbouring breaks (rays, n), in the angle seen from the light."""
+    touching = _touches_light(ray)
+    infinite = touching & _lit_at_light(ray, emission, phase)
+    panels = _panels(ray, breaks, (~touching & (ray.strength > 0))[:, np.newaxis])
+    value, error, evaluations = _sum_panels(
+        ray, panels, _EQUIANGULAR, emission, phase, order, adaptive, rtol
+    )
+    value = np.where(infinite, np.inf, value)
+    return Airlight(*(x.reshape(shape)[()] for x in (value, error, evaluations)))
+
+
+def _sum_panels(ray, panels, measure, emission, phase, order, adaptive, rtol):
+    """Value, error and evaluations of each ray: its panels' sum, halving them if adaptive."""
     order = _order(order)
     rtol = checks.positive("rtol", rtol, "(relative)", "use such as 1e-8")
     count = len(ray.foot)
     value, error = np.zeros(count), np.zeros(count)
     evaluations = np.zeros(count, dtype=np.int64)
-    touching = _touches_light(ray)
-    infinite = touching & _lit_at_light(ray, emission, phase)
-
-    index, low, high = _panels(ray, breaks, ~touching & (ray.strength > 0))
+    index, low, high = panels
     for halving in range(_MAX_HALVINGS + 1):
         if index.size == 0:
             break
-        part, doubt, floor, middle = _panel_sums(ray, index, low, high, emission, phase, order)
+        part, doubt, floor, middle = _panel_sums(
+            ray, index, low, high, measure, emission, phase, order
+        )
         evaluations += np.bincount(index, minlength=count) * (order + _check_order(order))
         here = np.bincount(index, part, count)
         total = value + here
@@ -433,16 +454,14 @@ def _integrate(ray, breaks, emission, phase, order, adaptive, rtol, shape):
         index, low, middle, high = (x[split] for x in (index, low, middle, high))
         index = np.concatenate([index, index])
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-
-    value = np.where(infinite, np.inf, value)
-    return Airlight(*(x.reshape(shape)[()] for x in (value, error, evaluations)))
+    return value, error, evaluations
 
 
 def _panels(ray, breaks, wanted):
-    """Flat (ray index, low, high) of all panels with a length, cut where the medium is opaque."""
+    """Flat (ray index, low, high) of the wanted panels, cut where the medium is opaque."""
     low, high = breaks[:, :-1], breaks[:, 1:]
     index = np.broadcast_to(np.arange(len(breaks))[:, np.newaxis], low.shape)
-    keep = (low < high) & wanted[:, np.newaxis]
+    keep = (low < high) & wanted
     index, low, high = index[keep], low[keep], high[keep]
     start = np.full(len(breaks), np.inf)
     np.minimum.at(start, index, low)
@@ -460,11 +479,11 @@ def _visible_end(start, height, sigma_t):
     return np.where(clear, np.inf, (reach - height * (height / reach)) / 2)
 
 
-def _panel_sums(ray, index, low, high, emission, phase, order):
+def _panel_sums(ray, index, low, high, measure, emission, phase, order):
     """Integral over each panel, its doubt, its rounding, and the panel's middle."""
     height = ray.height[index]
-    middle = _middle(low, high, height)
-    width = _angle_over_height(low, high, height)
+    middle = measure.middle(low, high, height)
+    width = measure.width(low, high, height)
     scale = _times(ray.strength[index], width)
     fades_late = _fades_late(low, middle, high, height, ray.sigma_t[index])[:, np.newaxis]
 
@@ -474,7 +493,7 @@ def _panel_sums(ray, index, low, high, emission, phase, order):
         rest = 0.5 - nodes
         nodes = np.where(fades_late, 0.5 - rest * rest, nodes)
         weights = np.where(fades_late, 2 * rest, 1.0) * weights
-        a = _positions(width[:, np.newaxis] * nodes, middle, low, high, height)
+        a = measure.positions(width[:, np.newaxis] * nodes, middle, low, high, height)
         integrand, rounding = _integrand(ray, a, index, emission, phase)
         terms = integrand * weights
         sums = np.sum(terms, axis=-1), np.sum(terms * rounding, axis=-1)
@@ -509,13 +528,16 @@ def _positions(offset, middle, low, high, height):
     return np.clip(a, low, high)
 
 
+_EQUIANGULAR = _Measure(_angle_over_height, _middle, _positions)
+
+
 def _integrand(ray, a, index, emission, phase):
     """Phase, emission and attenuation at the positions a (panels, nodes), and their rounding."""
     index = index[:, np.newaxis]
     height = ray.height[index]
     d = np.hypot(a, height)
     depth = _times(ray.sigma_t[index], ray.foot[index] + _tangent(a, height))
-    density = _phase_value(phase, np.clip(-a / d, -1.0, 1.0))
+    density = _phase_value(phase, np.clip(-a / np.where(d > 0, d, 1.0), -1.0, 1.0))
     value = density * emission(a, d, index) * np.exp(-np.maximum(depth, 0.0))
     return value, _EPSILON * (16 + 2 * np.abs(depth))
 
