@@ -47,6 +47,7 @@ def render_rays(name: str, radiance: Radiance, scene: Scene, width: int, height:
                 done += len(value)
                 if progress:
                     progress(done / total)
-        accumulator.add(image.reshape(height, width, 3) / rays_per_pixel)
-    doubt = (doubt / (repeats * rays_per_pixel)).reshape(height, width, 3)
-    return accumulator.result(evaluations, name, doubt, exact)
+        image /= rays_per_pixel
+        accumulator.add(image.reshape(height, width, 3))
+    doubt /= repeats * rays_per_pixel
+    return accumulator.result(evaluations, name, doubt.reshape(height, width, 3), exact)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..physics import atmosphere, grid, projector
 from ..physics import phase as phase_functions
 from ..physics.transmittance import height_optical_depth
 from ..scene import geometry, noise
@@ -53,7 +54,6 @@ def density_at(volume: Volume, position: Array) -> Array:
         case NoiseShape() as density:
             return noise.density(density, position)
         case Grid() as density:
-            from ..physics import grid
             return grid.grid_density(density.values, density.low, density.high, position)
     return np.ones(len(position))
 
@@ -76,22 +76,25 @@ def density_depth(volume: Volume, origin: Array, direction: Array, limit: Array 
             height = np.where(length > 0.0, start[:, 2], 0.0)
             return height_optical_depth(height, direction[:, 2], length, 1.0, density.scale_height, density.base_height)
         case ExponentialAltitude():
-            from ..physics import atmosphere
             offset = start - np.array(density.center)
             radius = np.linalg.norm(offset, axis=1)
             mu = np.einsum("ni,ni->n", offset, direction) / np.maximum(radius, 1e-300)
             return atmosphere.optical_depth(radius, np.clip(mu, -1.0, 1.0), length, 1.0, density.scale_height, density.radius)
         case Grid():
-            from ..physics import grid
             return grid.grid_optical_depth(density.values, density.low, density.high, start, direction, length)
     return length
 
 
 def optical_depth(scene: Scene, origin: Array, direction: Array, limit: Array | float) -> Array:
-    """Optical depth (n, 3) of all volumes along each ray over [0, limit]."""
+    """Optical depth (n, 3) of all volumes along each ray over [0, limit]; infinite where a density grows without end."""
     depth = np.zeros((len(direction), 3))
     for volume in scene.volumes:
-        depth += density_depth(volume, origin, direction, limit)[:, None] * np.array(volume.medium.sigma_t)
+        if max(volume.medium.sigma_t) == 0.0:
+            continue
+        length = density_depth(volume, origin, direction, limit)
+        for channel, sigma_t in enumerate(volume.medium.sigma_t):
+            if sigma_t > 0.0:
+                depth[:, channel] += length * sigma_t
     return depth
 
 
@@ -112,10 +115,9 @@ def arriving(light, position: Array) -> tuple[Array, Array, Array]:
     if isinstance(light, Projector):
         offset = np.array(light.position) - position
         distance = np.linalg.norm(offset, axis=1)
-        from ..physics import projector
         intensity = projector.projector_irradiance(
-            position, light.position, light.direction, light.up, 1.0 / (4.0 * np.pi), light.horizontal_fov, light.vertical_fov,
-            light.near, light.far, light.falloff, light.blend, light.gobo, light.elliptic)
+            position, direction=light.direction, intensity=1.0 / (4.0 * np.pi), falloff=light.falloff, gobo=light.gobo,
+            **frustum_of(light))
         intensity = intensity if intensity.ndim == 2 else intensity[:, None]
         return offset / np.maximum(distance, 1e-300)[:, None], distance, intensity * np.array(light.power)
     offset = np.array(light.position) - position
@@ -126,6 +128,18 @@ def arriving(light, position: Array) -> tuple[Array, Array, Array]:
     if isinstance(light, Spot):
         intensity = intensity * spot_factor(light, -(toward @ np.array(light.direction)))[:, None]
     return toward, distance, intensity
+
+
+def frustum_of(light: Projector) -> dict:
+    """The keyword arguments by which physics.projector knows the shape of the light."""
+    return {"light_position": light.position, "up": light.up, "horizontal_fov": light.horizontal_fov,
+            "vertical_fov": light.vertical_fov, "near": light.near, "far": light.far, "blend": light.blend,
+            "elliptic": light.elliptic}
+
+
+def ambient_radiance(scene: Scene) -> Array:
+    """Radiance (3,) that reaches every point of the media from all sides, unshadowed and undimmed: projectors' ambient term."""
+    return np.sum([light.ambient for light in scene.lights if isinstance(light, Projector)] or [(0.0, 0.0, 0.0)], axis=0)
 
 
 def uniform_hemisphere_cosine(normal: Array, rng: np.random.Generator) -> Array:

@@ -44,15 +44,16 @@ class Accumulator:
 
     def result(self, evaluations: int, integrator: str, systematic: float | np.ndarray = 0.0, exact: bool = False) -> Result:
         """``systematic``: absolute error (radiance) by construction, a number or an image; ``exact``: nothing was random."""
-        images = np.stack(self.images)
+        images = np.stack(self.images) if len(self.images) > 1 else self.images[0][None]
         doubt = np.broadcast_to(systematic, images[0].shape)
         if exact:
-            error = doubt.copy()
+            error = doubt
         elif len(images) > 1:
             error = np.hypot(images.std(axis=0, ddof=1) / np.sqrt(len(images)), doubt)
         else:
             error = np.full_like(images[0], np.inf)
-        return Result(images.mean(axis=0), error, evaluations, time.perf_counter() - self._start, float(np.mean(systematic)),
+        mean = images.mean(axis=0) if len(images) > 1 else images[0]
+        return Result(mean, error, evaluations, time.perf_counter() - self._start, float(np.mean(systematic)),
                       integrator, images)
 
 

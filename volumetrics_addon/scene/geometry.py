@@ -15,11 +15,15 @@ Array = np.ndarray
 
 def camera_rays(camera: Camera, width: int, height: int, x: Array, y: Array) -> tuple[Array, Array]:
     """Origins and unit directions through raster positions; x in [0, width] from the left, y in [0, height] from the top."""
-    right, up, back = (np.array(axis) for axis in look_frame(camera.direction))
+    right, up, back = look_frame(camera.direction)
     pixel = 2.0 * np.tan(camera.field_of_view / 2.0) / width
     offset_x, offset_y = (x - width / 2.0) * pixel, (height / 2.0 - y) * pixel
-    direction = offset_x[:, None] * right + offset_y[:, None] * up - back
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    inverse = 1.0 / np.sqrt(offset_x * offset_x + offset_y * offset_y + 1.0)
+    offset_x *= inverse
+    offset_y *= inverse
+    direction = np.empty((len(x), 3))
+    for k in range(3):
+        direction[:, k] = offset_x * right[k] + offset_y * up[k] - inverse * back[k]
     return np.broadcast_to(np.array(camera.position), direction.shape), direction
 
 
