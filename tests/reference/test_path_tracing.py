@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from volumetrics_addon.reference import path_tracing
+from volumetrics_addon.reference import optics, path_tracing
 from volumetrics_addon.scene.model import (
     Box, Camera, Ellipsoid, ExponentialHeight, Homogeneous, Medium, NoiseShape, Phase, Scene, Surface, Volume,
 )
@@ -58,7 +58,7 @@ def test_transmittance_of_an_absorber(density):
     scene = Scene(CAMERA, environment=(1.0, 1.0, 1.0), volumes=(volume,))
     origin, direction = np.array([[-2.0, 0.1, 0.2]]), np.array([[1.0, 0.0, 0.0]])
     t = 2.0 + math.sqrt(1 - 0.05) * (np.arange(20000) + 0.5) / 10000 - math.sqrt(1 - 0.05)
-    depth = path_tracing.density_at(volume, origin + t[:, None] * direction).mean() * 2 * math.sqrt(1 - 0.05)
+    depth = optics.density_at(volume, origin + t[:, None] * direction).mean() * 2 * math.sqrt(1 - 0.05)
     rng = np.random.default_rng(0)
     n = 40000
     ratio = path_tracing.transmittance(scene, np.tile(origin, (n, 1)), np.tile(direction, (n, 1)), np.inf, rng)
@@ -96,4 +96,4 @@ def test_majorant_bounds_the_density():
             volume = Volume(domain, Medium((2.0, 1.0, 0.0), (0.5, 0.0, 0.0), density=density))
             points = np.random.default_rng(1).uniform(-0.57, 0.57, (5000, 3))
             points[0] = (0.0, 0.0, -1.0)  # the lowest point of both domains
-            assert path_tracing.majorant(volume) >= 2.5 * path_tracing.density_at(volume, points).max() * (1 - 1e-12)
+            assert path_tracing.majorant(volume) >= 2.5 * optics.density_at(volume, points).max() * (1 - 1e-12)

@@ -1,31 +1,43 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Unbiased volumetric path tracing in NumPy, a wavefront of paths at a time.
+"""Unbiased volumetric path tracing, compiled where numba is installed and otherwise a wavefront of paths in NumPy.
 
-Delta tracking with one Poisson process of tentative collisions per volume (the nearest wins, so overlapping volumes add
-up exactly), next-event estimation with closed-form or ratio-tracked transmittance, Russian roulette. Coloured media are
-followed with a hero channel and the one-sample balance heuristic over the channels (Miller, Georgiev and Jarosz 2019):
-``beta`` is the path's contribution over the hero's probability, ``ratio`` the probabilities of all channels over the
-hero's, and a contribution counts as beta / mean(ratio).
+Delta tracking with null collisions, next-event estimation with closed-form or ratio-tracked transmittance, Russian roulette.
+Coloured media are followed with a hero channel and the one-sample balance heuristic over the channels (Miller, Georgiev
+and Jarosz 2019): ``beta`` is the path's contribution over the hero's probability, ``ratio`` the probabilities of all
+channels over the hero's, and a contribution counts as beta / mean(ratio).
 
 Sun, point and spot lights are reached by next-event estimation, the uniform environment and emitting surfaces by the
-path itself; each has one way only, so nothing is counted twice. ``Scene.orders`` bounds the scattering events, on
-surfaces and in media together.
+path itself; each has one way only, so nothing is counted twice. Light from a point scatters into a segment of the path
+also at a distance drawn equiangularly (Kulla and Fajardo 2012), combined with the collision by the balance heuristic:
+near the light its 1 / d^2 is in the density of one of the two. ``Scene.orders`` bounds the scattering events, on surfaces
+and in media together.
+
+This module is the NumPy twin and the frame of both; ``path_kernel`` is the compiled one, with local majorants.
 """
 
 from __future__ import annotations
 
+import itertools
+import time
+from collections.abc import Iterator
+
 import numpy as np
 
-from ..scene import geometry, noise
-from ..scene.model import ExponentialHeight, NoiseShape, Scene, Volume
-from . import optics
+from ..scene import geometry
+from ..scene.model import ExponentialAltitude, ExponentialHeight, Grid, Projector, Scene, Spot, Sun, Volume
+from . import optics, path_scene
 from .result import Accumulator, Progress, Result, subpixels
 
 Array = np.ndarray
 
+BIAS = "None: unbiased up to the scene's orders of scattering."
+SETTINGS = tuple({"samples": 4**exponent} for exponent in range(6))
+
+KERNELS = ("numba", "numpy")
 ROULETTE_START = 16
 ROULETTE_THRESHOLD = 0.1
 BATCH = 1 << 15
+BATCH_SECONDS = 0.25  # of compiled work between two looks at progress and interrupts
 
 
 def applies(scene: Scene) -> str:
@@ -33,49 +45,96 @@ def applies(scene: Scene) -> str:
     return "the scene refracts" if scene.is_dielectric else ""
 
 
-def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: int = 4, seed: int = 0,
-           progress: Progress | None = None) -> Result:
+def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: int = 4, samples: int | None = None,
+           seed: int = 0, kernel: str | None = None, progress: Progress | None = None) -> Result:
     """Image of the scene with up to ``scene.orders`` scattering events.
 
-    Each of ``repeats`` equally distributed images averages strata^2 paths per pixel. Raises ValueError when the
-    integrator does not apply (see ``applies``).
+    Each of ``repeats`` equally distributed images averages ``samples`` paths per pixel (strata^2 unless given), spread over
+    strata^2 cells of the pixel, or with ``strata`` 0 all through its exact centre. ``kernel`` is "numba" or "numpy";
+    without it the compiled one renders what it supports where numba is installed. The image depends on the seed and
+    the kernel, not on the number of threads. Raises ValueError when the integrator does not apply (see ``applies``), the
+    kernel does not support the scene, or there are no samples; ImportError for "numba" where that is missing.
     """
     if reason := applies(scene):
         raise ValueError(f"path_tracing does not apply: {reason}; use dielectric")
-    rng = np.random.default_rng(seed)
+    samples = strata**2 if samples is None else samples
+    if samples < 1:
+        raise ValueError(f"samples must be >= 1, got {samples} (strata {strata}); give samples where strata is 0")
+    kernel = preferred_kernel(scene) if kernel is None else kernel
+    if kernel not in KERNELS:
+        raise ValueError(f"kernel must be one of {', '.join(KERNELS)}, got {kernel!r}; leave it out for the fastest")
+    batches, prepared = (_compiled_batches, path_scene.flatten(scene)) if kernel == "numba" else (_numpy_batches, scene)
     accumulator = Accumulator()
-    evaluations, done, total = 0, 0, repeats * strata**2
-    for _ in range(repeats):
+    evaluations, done, total = 0, 0, repeats * samples * width * height
+    for sequence in np.random.SeedSequence(seed).spawn(repeats):
         image = np.zeros((height * width, 3))
-        for x, y in subpixels(width, height, strata, rng):
-            for start in range(0, len(x), BATCH):
-                tile = slice(start, start + BATCH)
-                origin, direction = geometry.camera_rays(scene.camera, width, height, x[tile], y[tile])
-                value, count = radiance(scene, origin, direction, rng)
-                image[tile] += value
-                evaluations += count
-            done += 1
+        for paths, vertices in batches(scene, prepared, width, height, strata, samples, sequence, image):
+            evaluations += vertices
+            done += paths
             if progress:
                 progress(done / total)
-        accumulator.add(image.reshape(height, width, 3) / strata**2)
+        accumulator.add(image.reshape(height, width, 3) / samples)
     return accumulator.result(evaluations, "path_tracing")
 
 
+def preferred_kernel(scene: Scene) -> str:
+    """"numba" where it is installed and renders the scene, otherwise "numpy"."""
+    if path_scene.unsupported(scene):
+        return "numpy"
+    try:
+        import numba  # noqa: F401
+    except ImportError:
+        return "numpy"
+    return "numba"
+
+
+def _compiled_batches(scene: Scene, numbers: Array, width: int, height: int, strata: int, samples: int,
+                      sequence: np.random.SeedSequence, image: Array) -> Iterator[tuple[int, int]]:
+    """Add all paths to the image (pixels, 3), with the numbers of paths and vertices of each batch."""
+    from . import path_kernel
+    camera = path_kernel.camera_numbers(scene.camera, width)
+    seed = sequence.generate_state(1, np.uint64)[0]
+    first, size, total = 0, 4 * path_kernel.CHUNKS, samples * width * height
+    while first < total:
+        start, last = time.perf_counter(), min(first + size, total)
+        vertices = path_kernel.trace_paths(numbers, scene.orders, camera, width, height, strata, samples, first, last, seed,
+                                           image)
+        yield last - first, int(vertices)
+        first, pace = last, BATCH_SECONDS / max(time.perf_counter() - start, 1e-6)
+        size = max(1, int(size * min(pace, 4.0)))
+
+
+def _numpy_batches(scene: Scene, _: Scene, width: int, height: int, strata: int, samples: int,
+                   sequence: np.random.SeedSequence, image: Array) -> Iterator[tuple[int, int]]:
+    """As ``_compiled_batches``."""
+    rng = np.random.default_rng(sequence)
+    rounds, rest = divmod(samples, max(1, strata**2))
+    passes = (np.stack(xy) for cells in (*[strata] * rounds, *[1] * rest) for xy in subpixels(width, height, cells, rng))
+    together = max(1, BATCH // len(image))
+    while group := list(itertools.islice(passes, together)):
+        positions, pixels = np.concatenate(group, axis=1), np.tile(np.arange(len(image)), len(group))
+        for start in range(0, len(pixels), BATCH):
+            tile = slice(start, start + BATCH)
+            value, vertices = radiance(scene, *geometry.camera_rays(scene.camera, width, height, *positions[:, tile]), rng)
+            np.add.at(image, pixels[tile], value)
+            yield len(value), vertices
+
+
 def majorant(volume: Volume) -> float:
-    """Upper bound (1/m) of the extinction in the volume, over all channels."""
+    """Upper bound (1/m) of the extinction in the volume above the ground, over all channels."""
     density = volume.medium.density
     largest = 1.0
-    if isinstance(density, ExponentialHeight):
-        # The density grows downwards: the lowest point of the domain bounds it.
-        largest = np.exp(-(geometry.lowest(volume.domain) - density.base_height) / density.scale_height)
+    match density:
+        case ExponentialHeight():
+            # The density grows downwards: the lowest point of the domain bounds it.
+            largest = np.exp(-(geometry.lowest(volume.domain) - density.base_height) / density.scale_height)
+        case ExponentialAltitude():
+            center, (low, high) = np.array(density.center), path_scene.bounding_box(volume.domain)
+            lowest = np.linalg.norm(np.clip(center, low, high) - center)
+            largest = np.exp(-max(0.0, lowest - density.radius) / density.scale_height)
+        case Grid():
+            largest = float(np.max(density.values, initial=0.0))
     return max(volume.medium.sigma_t) * largest
-
-
-def density_at(volume: Volume, position: Array) -> Array:
-    """Density (n,) of any kind at positions (n, 3) inside the domain."""
-    if isinstance(volume.medium.density, NoiseShape):
-        return noise.density(volume.medium.density, position)
-    return optics.density_at(volume, position)
 
 
 class _Paths:
@@ -105,6 +164,9 @@ def radiance(scene: Scene, origin: Array, direction: Array, rng: np.random.Gener
     vertices = 0
     for order in range(scene.orders + 1):
         hit, surface = geometry.first_hit(scene.surfaces, paths.origin, paths.direction, epsilon)
+        segment = _Segment(scene, paths, hit) if order < scene.orders else None
+        if segment:
+            _scatter_along(scene, segment, paths, value, rng, epsilon)
         distance, volume = _collide(scene, paths, hit, rng)
         escaped = (volume < 0) & (surface < 0)
         np.add.at(value, paths.pixel[escaped], paths.weight(escaped) * environment)
@@ -119,7 +181,7 @@ def radiance(scene: Scene, origin: Array, direction: Array, rng: np.random.Gener
         for i, medium_volume in enumerate(scene.volumes):
             rows = np.flatnonzero(volume == i)
             if len(rows) and medium_volume.medium.scatters:
-                _scatter_in_medium(scene, medium_volume, paths, rows, value, rng, epsilon)
+                _scatter_in_medium(scene, medium_volume, segment, distance[rows], paths, rows, value, rng, epsilon)
                 alive[rows] = True
         for i, body in enumerate(scene.surfaces):
             rows = np.flatnonzero((volume < 0) & (surface == i))
@@ -137,12 +199,97 @@ def radiance(scene: Scene, origin: Array, direction: Array, rng: np.random.Gener
     return value, vertices
 
 
+class _Segment:
+    """Straight pieces of the paths up to the next surface, prepared for sampling their light distance by distance.
+
+    The pieces reach from ``start`` to ``stop``, the hull of the scattering volumes; a free flight with their mean
+    extinction ``rate`` stands for distance sampling in the weights, which any function of the distance may do.
+    """
+
+    def __init__(self, scene: Scene, paths: _Paths, limit: Array):
+        n = len(limit)
+        self.spans = []
+        self.start, self.stop, depth = np.full(n, np.inf), np.zeros(n), np.zeros(n)
+        for volume in scene.volumes:
+            near, far = geometry.interval(volume.domain, paths.origin, paths.direction)
+            near, far = np.maximum(near, 0.0), np.minimum(far, limit)
+            if volume.medium.scatters:
+                inside = near < far
+                self.start = np.where(inside, np.minimum(self.start, near), self.start)
+                self.stop = np.where(inside, np.maximum(self.stop, far), self.stop)
+                depth += np.where(inside, far - near, 0.0) * np.mean(volume.medium.sigma_t)
+            self.spans.append((near, far))
+        length = self.stop - self.start
+        self.rate = np.where(length > 0.0, depth / np.where(length > 0.0, length, 1.0), 0.0)
+        self.lights = [_Angles(light, paths, self.start, self.stop) if _is_local(light) else None for light in scene.lights]
+
+    def distance_pdf(self, rows: Array, t: Array) -> Array:
+        return self.rate[rows] * np.exp(-self.rate[rows] * (t - self.start[rows]))
+
+
+def _is_local(light) -> bool:
+    return not isinstance(light, Sun)
+
+
+class _Angles:
+    """Segments seen from a light: equiangular sampling of their lit part, of density height / (angle (height^2 + a^2))."""
+
+    def __init__(self, light, paths: _Paths, start: Array, stop: Array):
+        offset = np.array(light.position) - paths.origin
+        self.foot = np.einsum("ni,ni->n", offset, paths.direction)
+        across = offset - self.foot[:, None] * paths.direction
+        self.height = np.maximum(np.linalg.norm(across, axis=1), 1e-300)
+        if isinstance(light, Spot) and light.cone_angle < np.pi:
+            cos2 = np.cos(light.cone_angle / 2.0) ** 2
+            near, far = geometry.nappe_interval(-offset, paths.direction, np.array(light.direction), cos2)
+            start, stop = np.maximum(start, near), np.minimum(stop, far)
+        lit = start < stop
+        self.start, self.stop = np.where(lit, start, 0.0), np.where(lit, stop, 0.0)
+        self.low = np.arctan((self.start - self.foot) / self.height)
+        self.angle = np.arctan((self.stop - self.foot) / self.height) - self.low
+
+    def sample(self, rows: Array, u: Array) -> Array:
+        t = self.foot[rows] + self.height[rows] * np.tan(self.low[rows] + u * self.angle[rows])
+        return np.clip(t, self.start[rows], self.stop[rows])
+
+    def pdf(self, rows: Array, t: Array) -> Array:
+        possible = (self.angle[rows] > 0.0) & (t >= self.start[rows]) & (t <= self.stop[rows])
+        square = self.height[rows] ** 2 + (t - self.foot[rows]) ** 2
+        return np.where(possible, self.height[rows] / (np.where(possible, self.angle[rows], 1.0) * square), 0.0)
+
+
+def _scatter_along(scene: Scene, segment: _Segment, paths: _Paths, value: Array, rng, epsilon: float) -> None:
+    """Add what each local light scatters into the segments once, at a distance drawn equiangularly."""
+    for light, angles in zip(scene.lights, segment.lights):
+        if angles is None:
+            continue
+        rows = np.flatnonzero(angles.angle > 0.0)
+        t = angles.sample(rows, rng.random(len(rows)))
+        direction = paths.direction[rows]
+        position = paths.origin[rows] + t[:, None] * direction
+        toward, distance, irradiance = optics.arriving(light, position)
+        cosine = np.clip(np.einsum("ni,ni->n", toward, direction), -1.0, 1.0)
+        scattering = np.zeros((len(rows), 3))
+        for volume, (near, far) in zip(scene.volumes, segment.spans):
+            inside = np.flatnonzero((near[rows] <= t) & (t <= far[rows]))
+            if len(inside) and volume.medium.scatters:
+                factor = optics.phase_value(volume.medium.phase, cosine[inside])
+                factor = factor * optics.density_at(volume, position[inside])
+                scattering[inside] += factor[:, None] * np.array(volume.medium.sigma_s)
+        # Weight over density, with the balance heuristic.
+        factor = 1.0 / (angles.pdf(rows, t) + segment.distance_pdf(rows, t))
+        direct = paths.weight(rows) * irradiance * scattering * factor[:, None]
+        lit = direct.max(axis=1) > 0.0
+        rows, t, position, toward, distance, direct = (a[lit] for a in (rows, t, position, toward, distance, direct))
+        direct *= transmittance(scene, paths.origin[rows], paths.direction[rows], t, rng)
+        _next_event(scene, position, toward, distance, direct, paths.pixel[rows], value, rng, epsilon)
+
+
 def _collide(scene: Scene, paths: _Paths, limit: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Distance and volume index of the next real collision along each path; index -1 where there is none before limit."""
     n = len(limit)
     found, volume_of = np.full(n, np.inf), np.full(n, -1)
-    # A volume without density in its closed form takes part only where it scatters or absorbs.
-    active = [(i, v, majorant(v)) for i, v in enumerate(scene.volumes) if max(v.medium.sigma_t) > 0.0]
+    active = [(i, v, bound) for i, v in enumerate(scene.volumes) if (bound := majorant(v)) > 0.0]
     if not active:
         return found, volume_of
     intervals = [geometry.interval(v.domain, paths.origin, paths.direction) for _, v, _ in active]
@@ -166,7 +313,7 @@ def _collide(scene: Scene, paths: _Paths, limit: Array, rng: np.random.Generator
                 continue
             path = rows[mine]
             position = paths.origin[path] + t[path, None] * paths.direction[path]
-            share = np.array(volume.medium.sigma_t) * (density_at(volume, position) / bound)[:, None]
+            share = np.array(volume.medium.sigma_t) * (optics.density_at(volume, position) / bound)[:, None]
             hero = np.take_along_axis(share, paths.hero[path, None], axis=1)
             hit = rng.random(len(mine)) < hero[:, 0]
             scattering = np.array(volume.medium.sigma_s) / np.maximum(np.array(volume.medium.sigma_t), 1e-300)
@@ -198,19 +345,26 @@ def transmittance(scene: Scene, origin: Array, direction: Array, limit: Array | 
             t[rows] += rng.exponential(1.0 / bound, len(rows))
             rows = rows[t[rows] < far[rows]]
             position = origin[rows] + t[rows, None] * direction[rows]
-            value[rows] *= 1.0 - sigma_t * (density_at(volume, position) / bound)[:, None]
+            value[rows] *= 1.0 - sigma_t * (optics.density_at(volume, position) / bound)[:, None]
             rows = rows[value[rows].max(axis=1) > 0.0]
     return value
 
 
-def _scatter_in_medium(scene: Scene, volume: Volume, paths: _Paths, rows: Array, value: Array, rng, epsilon: float) -> None:
+def _scatter_in_medium(scene: Scene, volume: Volume, segment: _Segment, distance: Array, paths: _Paths, rows: Array,
+                       value: Array, rng, epsilon: float) -> None:
     position, direction = paths.origin[rows], paths.direction[rows]
     weight = paths.weight(rows)
-    for light in scene.lights:
-        toward, distance, irradiance = optics.arriving(light, position)
+    for light, angles in zip(scene.lights, segment.lights):
+        toward, reach, irradiance = optics.arriving(light, position)
         cosine = np.clip(np.einsum("ni,ni->n", toward, direction), -1.0, 1.0)
-        direct = irradiance * optics.phase_value(volume.medium.phase, cosine)[:, None]
-        _next_event(scene, position, toward, distance, weight * direct, paths.pixel[rows], value, rng, epsilon)
+        factor = optics.phase_value(volume.medium.phase, cosine)
+        if angles is not None:
+            free, angular = segment.distance_pdf(rows, distance), angles.pdf(rows, distance)
+            factor = factor * np.where(angular > 0.0, free / np.where(angular > 0.0, free + angular, 1.0), 1.0)
+        _next_event(scene, position, toward, reach, weight * irradiance * factor[:, None], paths.pixel[rows], value, rng,
+                    epsilon)
+        if isinstance(light, Projector):
+            np.add.at(value, paths.pixel[rows], weight * np.array(light.ambient))
     paths.direction[rows] = optics.sample_phase(volume.medium.phase, direction, rng)
 
 
