@@ -86,7 +86,7 @@ def main(arguments: list[str]) -> int:
         return test(arguments[1:])
     for version in PYTHONS:
         if python := find_python(version):
-            interpreter = environment(version, python, "fast")
+            interpreter = environment(version, python, "fast", *(["bench"] if arguments[0] == "bench" else []))
             return subprocess.run([str(interpreter), "-m", "volumetrics_addon", *arguments]).returncode
     print(f"no supported Python is here; install one of {', '.join(PYTHONS)}", file=sys.stderr)
     return 3

@@ -283,6 +283,42 @@ def test_verify_says_when_pixels_fail_although_the_mean_is_right(tmp_path, monke
     assert "WORSE: too few pixels pass" in capsys.readouterr().out
 
 
+# --- integrators and bench --------------------------------------------------------------------------------------
+
+
+def test_integrators_are_listed_with_their_bias(capsys):
+    assert main(["integrators"]) == OK
+    text = capsys.readouterr().out
+    assert main(["integrators", "--json"]) == OK
+    listed = json.loads(capsys.readouterr().out)
+    assert len(listed) >= 17 and text.count("bias: ") == len(listed)
+    for entry in listed:
+        assert entry["name"] in text and entry["summary"] in text and entry["bias"] in text
+        assert len(entry["settings"]) >= 5
+
+
+def test_bench_measures_charts_and_resumes(tmp_path, capsys):
+    arguments = ["bench", "street-lamp", "--rivals", "single_scattering,cycles,dielectric", "--size", "6", "--out", str(tmp_path)]
+    assert main(arguments) == OK
+    text = capsys.readouterr().out
+    assert "dielectric does not apply" in text and "| street-lamp | Cycles |" in text
+    assert {path.name.split("-")[0] for path in tmp_path.iterdir()} == {"bench.csv", "bench.png", "street", "summary.md", "truth"}
+    assert png_size(tmp_path / "street-lamp.png") == (1280, 720)
+    rows = (tmp_path / "bench.csv").read_text()
+    assert rows.count("cycles") >= 5 and rows.count("single_scattering") >= 5
+    assert main([*arguments, "--json"]) == OK
+    assert (tmp_path / "bench.csv").read_text() == rows
+    assert len(json.loads(capsys.readouterr().out)["rows"]) == rows.count("\n") - 1
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (["bench", "moon"], "street-lamp"), (["bench", "--rivals", "renderman"], "ray_marching"), (["bench", "--limit", "0"], "above 0"),
+])
+def test_bench_refuses_what_it_does_not_know(arguments, words, tmp_path, capsys):
+    assert main([*arguments, "--out", str(tmp_path / "new")]) == USAGE
+    assert words in capsys.readouterr().err and not (tmp_path / "new").exists()
+
+
 # --- doctor and a machine without Blender -----------------------------------------------------------------------
 
 

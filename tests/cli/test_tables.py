@@ -18,6 +18,11 @@ def test_documented_parameters_are_the_declared_ones():
     assert text.endswith(tables.parameters() + "\n"), "run: volumetrics table parameters"
 
 
+def test_documented_integrators_are_those_that_are_here():
+    text = (ROOT / "docs" / "integrators.md").read_text(encoding="utf-8")
+    assert text.endswith(tables.integrators() + "\n"), "run: volumetrics table integrators"
+
+
 def test_readme_lists_every_preset_with_an_error_for_each_engine():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if line.startswith("| `") and line.count("[") == 2]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``volumetrics``: list, show, render, verify, tour, table, doctor.
+"""``volumetrics``: list, show, render, verify, tour, integrators, bench, fit-phase, table, doctor.
 
 Exit codes: 0 done, 1 an error was measured above the tolerance, 2 bad usage or a bad preset, 3 something is missing on
 this machine or the engine failed, 130 interrupted.
@@ -75,6 +75,16 @@ def _tolerance(text: str) -> float:
     return value
 
 
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not value > 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is not allowed; give a time above 0 in seconds")
+    return value
+
+
 def parser(program: str) -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog=program, description="Volumetric lighting presets with stated errors.",
                                   epilog="exit codes: 0 done, 1 worse than the tolerance, 2 bad usage or preset, "
@@ -124,8 +134,28 @@ def parser(program: str) -> argparse.ArgumentParser:
     tour.add_argument("--out", type=Path, default=Path("out"), help="folder for the contact sheet (out)")
     tour.add_argument("--size", type=_size, metavar="N", default=112, help="pixels along the longer side (112)")
 
+    commands.add_parser("integrators", parents=[common], help="every integrator of the field that is here, with its bias")
+
+    bench = commands.add_parser("bench", parents=[common],
+                                help="every rival over the same scenes: run time against error, as CSV, charts and a table")
+    bench.add_argument("scene", nargs="*", help="names of benchmark scenes (all of them)")
+    bench.add_argument("--rivals", metavar="NAME,NAME", help="only these: integrators, cycles, eevee")
+    bench.add_argument("--size", type=_size, metavar="N", default=48, help="pixels along each side (48)")
+    bench.add_argument("--seed", type=_whole(0, 1 << 30), metavar="N", default=0, help="seed of the random rivals (0)")
+    bench.add_argument("--limit", type=_seconds, metavar="SECONDS", default=60.0,
+                       help="a rival stops at its first setting slower than this (60)")
+    bench.add_argument("--out", type=Path, default=Path("bench"), help="folder of bench.csv, charts, summary and truths (bench); "
+                       "what it holds already is not measured again")
+
+    fit = commands.add_parser("fit-phase", parents=[common],
+                              help="the two lobes of a cloud nearest to a measured phase function or to water droplets")
+    fit.add_argument("table", nargs="?", type=Path, help="text file with two columns: angle in degrees, 0 forward, and value")
+    fit.add_argument("--droplet", type=float, metavar="MICROMETRES", help="diameter of water droplets instead")
+    fit.add_argument("--logarithmic", action="store_true", help="fit the logarithm: where the values span decades")
+    fit.add_argument("--keep-mean-cosine", action="store_true", help="the fit has the mean cosine of what is given, exactly")
+
     table = commands.add_parser("table", parents=[common], help="Markdown tables for the documentation")
-    table.add_argument("what", choices=("presets", "parameters"))
+    table.add_argument("what", choices=("presets", "parameters", "integrators"))
     table.add_argument("--from", dest="source", type=Path, default=Path("out"), help="folder of verify's JSON files (out)")
 
     commands.add_parser("doctor", parents=[common], help="what this machine has and what is missing")
@@ -364,7 +394,64 @@ def _tour(arguments: argparse.Namespace, progress: Progress) -> int:
 def _table(arguments: argparse.Namespace, progress: Progress) -> int:
     from . import tables
 
-    print(tables.parameters() if arguments.what == "parameters" else tables.presets(arguments.source))
+    made = {"presets": lambda: tables.presets(arguments.source), "parameters": tables.parameters, "integrators": tables.integrators}
+    print(made[arguments.what]())
+    return OK
+
+
+def _integrators(arguments: argparse.Namespace, progress: Progress) -> int:
+    from ..reference import select
+
+    modules = {name: select.load(name) for name in select.NAMES}
+    if arguments.json:
+        print(json.dumps([{"name": name, "summary": select.summary(module), "bias": module.BIAS,
+                           "settings": list(module.SETTINGS)} for name, module in modules.items()], indent=2))
+        return OK
+    for name, module in modules.items():
+        print(f"{name:<22} {select.summary(module)}")
+        print(f"{'':<22} bias: {module.BIAS}")
+    return OK
+
+
+def _bench(arguments: argparse.Namespace, progress: Progress) -> int:
+    from ..bench import chart, rivals, run, scenes, summary
+
+    benches = [scenes.by_name(name) for name in arguments.scene] or list(scenes.SCENES)
+    chosen = [rivals.rival(name.strip()) for name in arguments.rivals.split(",")] if arguments.rivals else \
+        [rivals.rival(name) for name in rivals.names()]
+    _make_folder(arguments.out)
+
+    def say(text: str) -> None:
+        progress.clear()
+        _say(arguments, text)
+
+    rows = run.measure(benches, chosen, arguments.size, arguments.out, limit=arguments.limit, seed=arguments.seed,
+                       progress=progress, say=say)
+    charts, sheet = [], []
+    for bench in benches:
+        mine = [row for row in rows if row.scene == bench.name]
+        if mine:
+            truth = run.truth_of(bench, bench.make(), arguments.size, arguments.size, arguments.out, mine[0].digest)
+            charts.append(arguments.out / f"{bench.name}.png")
+            chart.chart(mine, bench.title, charts[-1], truth.image)
+            sheet.append((bench.title, mine))
+    if sheet:
+        charts.append(arguments.out / "bench.png")
+        chart.overview(sheet, charts[-1])
+    text = summary.summary(rows)
+    (arguments.out / "summary.md").write_text(text, encoding="utf-8")
+    progress.clear()
+    if arguments.json:
+        print(json.dumps({"rows": [vars(row) for row in rows], "charts": [str(path) for path in charts]}, indent=2))
+    _say(arguments, f"\n{text}\ncharts, bench.csv and summary.md in {arguments.out}")
+    return OK
+
+
+def _fit_phase(arguments: argparse.Namespace, progress: Progress) -> int:
+    from . import fit
+
+    values = fit.fit(arguments.table, arguments.droplet, arguments.logarithmic, arguments.keep_mean_cosine)
+    print(json.dumps(values, indent=2) if arguments.json else fit.described(values))
     return OK
 
 
@@ -384,7 +471,8 @@ def _doctor(arguments: argparse.Namespace, progress: Progress) -> int:
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace, Progress], int]] = {
-    "list": _list, "show": _show, "render": _render, "verify": _verify, "tour": _tour, "table": _table, "doctor": _doctor,
+    "list": _list, "show": _show, "render": _render, "verify": _verify, "tour": _tour,
+    "integrators": _integrators, "bench": _bench, "fit-phase": _fit_phase, "table": _table, "doctor": _doctor,
 }
 
 

@@ -35,6 +35,18 @@ def presets(folder: Path) -> str:
     return "\n".join(lines)
 
 
+def integrators() -> str:
+    """Every integrator with its summary, its bias and the settings that the benchmark runs."""
+    from ..reference import select
+
+    lines = ["| integrator | what it does | its error by construction | settings of the benchmark |", "|---|---|---|---|"]
+    for name in select.NAMES:
+        module = select.load(name)
+        settings = "; ".join(", ".join(f"{key} {value}" for key, value in setting.items()) for setting in module.SETTINGS)
+        lines.append(f"| `{name}` | {select.summary(module)} | {module.BIAS} | {settings} |")
+    return "\n".join(lines)
+
+
 def _error(path: Path) -> str:
     try:
         figures = json.loads(path.read_text(encoding="utf-8"))["comparison"]

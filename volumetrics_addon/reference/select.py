@@ -1,23 +1,51 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The integrator that renders a scene with the least error."""
+"""The integrators: all of them by name, and the one that renders a scene with the least error.
+
+An integrator is a module with
+
+* ``applies(scene) -> str``: empty, or the reason why it cannot render the scene;
+* ``render(scene, width, height, *, repeats, strata, seed, progress, ...) -> Result``: ``strata`` 0 is one ray through
+  each pixel's centre, other keywords are its own settings;
+* ``SETTINGS``: its own settings from quick to accurate; ``BIAS``: its error by construction, in a sentence;
+* a docstring whose first line says what it does.
+"""
 
 from __future__ import annotations
 
+from importlib import import_module
 from types import ModuleType
 
 from ..scene.model import Scene
-from . import dielectric, path_tracing, single_scattering
 
-# Exact methods first; the path tracer renders nearly everything.
-INTEGRATORS: tuple[ModuleType, ...] = (single_scattering, dielectric, path_tracing)
+# Exact methods first: the first that applies is the reference; the path tracer renders nearly everything.
+REFERENCES = ("single_scattering", "dielectric", "path_tracing")
+RIVALS = (
+    "ray_marching", "quarter_resolution", "light_slices", "half_angle_slices", "froxels", "octaves", "adding_doubling",
+    "ambient_scattering", "ambient_occlusion", "emission_absorption", "sky_single_scattering", "sky_tables",
+    "aerial_perspective", "preetham_sky",
+)
+NAMES = REFERENCES + RIVALS
+
+
+def load(name: str) -> ModuleType:
+    """The integrator of that name. Raises ValueError for an unknown one, with the names there are."""
+    if name not in NAMES:
+        raise ValueError(f"there is no integrator {name!r}; the integrators are {', '.join(NAMES)}")
+    return import_module(f".{name}", __package__)
+
+
+def summary(module: ModuleType) -> str:
+    """First line of the module's docstring."""
+    return module.__doc__.strip().splitlines()[0]
 
 
 def integrator(scene: Scene) -> ModuleType:
-    """The first integrator that applies. Raises ValueError with every integrator's reason when none does."""
+    """The first reference that applies. Raises ValueError with every integrator's reason when none does."""
     reasons = []
-    for module in INTEGRATORS:
+    for name in REFERENCES:
+        module = load(name)
         reason = module.applies(scene)
         if not reason:
             return module
-        reasons.append(f"{module.__name__.rsplit('.', 1)[-1]}: {reason}")
+        reasons.append(f"{name}: {reason}")
     raise ValueError("no reference integrator can render this scene; " + "; ".join(reasons))

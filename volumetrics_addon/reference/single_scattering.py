@@ -112,7 +112,7 @@ def surface_radiance(scene: Scene, origin: Array, direction: Array, hit: Array, 
 
     ``depth`` is the function of scene, origins, directions and limits that gives the optical depth towards the light.
     """
-    value = np.tile(np.array(scene.environment), (len(direction), 1))
+    value = np.tile(np.array(scene.environment, float), (len(direction), 1))
     for i, surface in enumerate(scene.surfaces):
         rows = np.flatnonzero(index == i)
         if not len(rows):
