@@ -85,7 +85,7 @@ def _sky(sun_elevation: float) -> Callable[[], Scene]:
 
 
 EXACT = {"order": 64}
-TRACED: Mapping[str, Any] = {"samples": 1024, "repeats": 8}
+TRACED: Mapping[str, Any] = {"samples": 512, "repeats": 8}
 # Path tracing agrees with these tables to its own noise, which takes hours to fall to theirs.
 TABLES: Mapping[str, Any] = {"resolution": 20, "orders": 8, "order": 32}
 

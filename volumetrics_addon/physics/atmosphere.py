@@ -109,24 +109,27 @@ def ground_distance(radius, mu, planet_radius):
     A start within 1e-9 of planet_radius below it counts as on the ground. All broadcast.
     """
     planet_radius = checks.positive("planet_radius", planet_radius, "metres", "the Earth has 6.36e6")
-    radius = _above("radius", radius, planet_radius)
+    radius = _above("radius", checks.positive("radius", radius, "metres", "measure from the planet's centre"), planet_radius)
     mu = checks.cosine("mu", mu)
-    height = (radius - planet_radius) * (radius + planet_radius)
-    below = (radius * mu) ** 2 - height
+    # In units of the radius, whose square may leave the range of float64.
+    height = (radius - planet_radius) / radius * ((radius + planet_radius) / radius)
+    below = mu * mu - height
     hits = (mu < 0) & (below >= 0)
     root = np.sqrt(np.where(hits, below, 0.0))
-    return np.where(hits, height / np.where(hits, root - radius * mu, 1.0), np.inf)[()]
+    return np.where(hits, radius * (height / np.where(hits, root - mu, 1.0)), np.inf)[()]
 
 
 def top_distance(radius, mu, top_radius):
     """Distance (m) at which a ray from ``radius`` <= top_radius leaves the sphere of top_radius. All broadcast."""
     top_radius = checks.positive("top_radius", top_radius, "metres", "measure from the planet's centre")
-    radius = -_above("-radius", -checks.positive("radius", radius, "metres", "measure from the centre"), -top_radius)
+    radius = -_above("-radius", -checks.positive("radius", radius, "metres", "measure from the planet's centre"), -top_radius)
     mu = checks.cosine("mu", mu)
-    depth = (top_radius - radius) * (top_radius + radius)
-    root = np.sqrt((radius * mu) ** 2 + depth)
-    upward = mu > 0
-    return np.where(upward, depth / np.where(upward, root + radius * mu, 1.0), root - radius * mu)[()]
+    # In units of the top's radius, whose square may leave the range of float64.
+    along = radius / top_radius * mu
+    depth = (top_radius - radius) / top_radius * ((top_radius + radius) / top_radius)
+    root = np.sqrt(along * along + depth)
+    upward = along > 0
+    return (top_radius * np.where(upward, depth / np.where(upward, root + along, 1.0), root - along))[()]
 
 
 def _above(name, radius, limit):
@@ -268,7 +271,7 @@ class Planet:
 
     def horizon(self, radius):
         """Cosine below which rays from ``radius`` meet the ground."""
-        radius = np.maximum(radius, self.radius)
+        radius = np.maximum(np.asarray(radius, dtype=np.float64), self.radius)
         return -np.sqrt((radius - self.radius) * (radius + self.radius)) / radius
 
     def sunlight(self, radius, mu_s):
@@ -286,6 +289,7 @@ def ray_nodes(planet, radius, mu, low, high, order):
     In y = asinh((t - lowest point) / c), where c is the way on which the ray gains the least scale height: dense where
     the air is, whether the ray rises, descends to the ground, or grazes.
     """
+    radius, mu, low, high = (np.asarray(x, dtype=np.float64) for x in (radius, mu, low, high))
     nodes, weights = gauss_legendre(order)
     height = min(c.scale_height for c in planet.components)
     passing = radius * np.sqrt((1 - mu) * (1 + mu))
@@ -371,7 +375,7 @@ def interpolated(table, coordinates):
     value = weight[0][:, None] * flat[index[0]]
     for i, w in zip(index[1:], weight[1:]):
         value += w[:, None] * flat[i]
-    return value.reshape(*shape, *table.shape[len(coordinates) :])
+    return value.reshape(shape + table.shape[len(coordinates) :])
 
 
 class ScatteringTables:
@@ -488,7 +492,7 @@ class ScatteringTables:
         return (np.sign(mu_s) * np.sqrt(np.abs(mu_s)) - self._first_sun) / (1 - self._first_sun) * (self._shape[1] - 1)
 
     def _lookup(self, source, radius, mu, mu_s, nu):
-        radius, mu, mu_s, nu = np.broadcast_arrays(radius, mu, mu_s, nu)
+        radius, mu, mu_s, nu = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (radius, mu, mu_s, nu)))
         across = np.sqrt((1 - mu) * (1 + mu) * (1 - mu_s) * (1 + mu_s))
         azimuth = np.clip((nu - mu * mu_s) / np.maximum(across, 1e-9), -1, 1)
         altitude = np.clip((radius - self.planet.radius) / (self.planet.top - self.planet.radius), 0, 1)
@@ -577,6 +581,7 @@ class UniformScattering:
         return interpolated(self._irradiance, (self._sun_index(np.asarray(mu_s, dtype=np.float64)),))
 
     def _lookup(self, value, radius, mu_s):
+        radius, mu_s = np.asarray(radius, dtype=np.float64), np.asarray(mu_s, dtype=np.float64)
         altitude = np.clip((radius - self._planet.radius) / (self._planet.top - self._planet.radius), 0, 1)
         coordinates = np.broadcast_arrays(np.sqrt(altitude) * (self._size - 1), self._sun_index(mu_s))
         return interpolated(value, tuple(coordinates))

@@ -536,7 +536,8 @@ def mean_cosine_fournier_forand(backscatter, ior):
     log_s = (-width * (np.arange(panels)[:, np.newaxis] + _NODES_16)).ravel()
     weights = width * np.tile(_WEIGHTS_16, panels)
     share = _fournier_forand_share_within(log_s, a, b, log_k)
-    return 2 * np.sum(weights * np.exp(log_s) * share, axis=-1) - 1
+    # Rounding of the sum must not exceed the cosine of a lobe that is all forward.
+    return np.minimum(2 * np.sum(weights * np.exp(log_s) * share, axis=-1) - 1, 1.0)
 
 
 def _fournier_forand(s, c, a, b, log_k):

@@ -157,7 +157,8 @@ def projector_breaks(
     frustum = _Frustum(*parts)
     low, high = _inside(frustum, 1.0, elliptic)
     light = _Light(frustum, None, _falloff(falloff), elliptic, _gobo(gobo)[0])
-    return (_creases(light, np.maximum(low, ray.near), high) + ray.foot[:, np.newaxis]).reshape(*shape, -1)
+    breaks = _creases(light, np.maximum(low, ray.near), high) + ray.foot[:, np.newaxis]
+    return breaks.reshape(*shape, breaks.shape[-1])
 
 
 def projector_airlight(
@@ -474,14 +475,15 @@ def _integrate(ray, light, phase, order, adaptive, rtol):
         value = _soft_edge(u, v, light.frustum.blend[index], light.elliptic)
         return value if light.gobo is None else value * _sample(light.gobo, u, v, light.channel[index])
 
-    infinite = np.zeros(low.shape, dtype=bool)
+    infinite = touching = np.zeros(low.shape, dtype=bool)
     if light.falloff > 0:
         one, index = np.ones_like(low), np.arange(len(low))
-        touching = (ray.height == 0) & (ray.strength > 0)
+        at_light = (low <= airlight._ON_THE_LINE) & (high >= -airlight._ON_THE_LINE)
+        touching = (ray.height == 0) & (ray.strength > 0) & at_light
         for side, from_light, to_light in ((one, high, low), (-one, -low, -high)):
             reaches = touching & (to_light <= airlight._ON_THE_LINE) & (from_light > airlight._ON_THE_LINE)
             seen = emission(side, one, index) * airlight._phase_value(phase, -side)
-            infinite |= reaches & (seen > 0)
+            infinite = infinite | (reaches & (seen > 0))
 
     breaks = np.sort(np.clip(_creases(light, low, high), low[:, np.newaxis], high[:, np.newaxis]), axis=-1)
     measure = _MEASURES[light.falloff]
@@ -490,7 +492,8 @@ def _integrate(ray, light, phase, order, adaptive, rtol):
     start, end = np.minimum(breaks[:, :-1], _FAR), np.where(breaks[:, 1:] > _FAR, np.inf, breaks[:, 1:])
     middle = airlight._middle(start, end, height)
     lit = sum(emission(np.minimum(a, _FAR), None, index) for a in (start, middle, end)) > 0
-    wanted = lit & (~infinite & (ray.strength > 0))[:, np.newaxis]
+    # From the light on the image does not change: what touches it is infinite there, or dark.
+    wanted = lit & (~touching & (ray.strength > 0))[:, np.newaxis]
     panels = airlight._panels(ray, breaks, wanted)
     if light.falloff < 2:
         index, _, end = panels

@@ -188,7 +188,7 @@ def _moments(phase, last):
     the forward axis is scattered straight on: it counts as 1 in each moment.
     """
     if not callable(phase):
-        return _below_one(float(phases._asymmetry("phase", phase)) ** np.arange(last + 1))
+        return _below_one(float(phases._asymmetry("phase as g", phase)) ** np.arange(last + 1))
     nodes, weights = np.polynomial.legendre.leggauss(16 + last // 2)
     edges = np.concatenate([[0.0], 0.5 ** np.arange(_NARROWEST_EXPONENT, 0, -1)])
     width = np.diff(edges)[:, np.newaxis]

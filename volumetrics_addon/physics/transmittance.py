@@ -281,7 +281,9 @@ def ratio_tracking(density_function, majorant, distance, rng):
         with np.errstate(over="ignore"):
             t = t + step / np.where(active, majorant, 1.0)
         active = active & (t < distance)
-        sigma_t = _extinction(density_function(np.minimum(t, distance)))
+        sigma_t = checks.nonnegative(
+            "density_function(t)", density_function(np.minimum(t, distance)), "per metre", "use a positive extinction"
+        )
         bound = majorant * (1 + 4 * np.finfo(np.float64).eps)
         checks.checked(
             "density_function(t)",

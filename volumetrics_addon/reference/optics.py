@@ -16,6 +16,9 @@ from ..scene.model import (
 
 Array = np.ndarray
 
+# Far below the base of an exponential density, more than this is no more opaque, and products of it would overflow.
+DENSEST = 1e100
+
 
 def scale_of(scene: Scene) -> float:
     """A length that stands for the scene (m), for tolerances on distances."""
@@ -47,15 +50,20 @@ def density_at(volume: Volume, position: Array) -> Array:
     """Density (n,) at positions (n, 3) inside the domain."""
     match volume.medium.density:
         case ExponentialHeight() as density:
-            return np.exp(-(position[:, 2] - density.base_height) / density.scale_height)
+            return density_of_altitude(position[:, 2] - density.base_height, density.scale_height)
         case ExponentialAltitude() as density:
             radius = np.linalg.norm(position - np.array(density.center), axis=1)
-            return np.exp(-(radius - density.radius) / density.scale_height)
+            return density_of_altitude(radius - density.radius, density.scale_height)
         case NoiseShape() as density:
             return noise.density(density, position)
         case Grid() as density:
             return grid.grid_density(density.values, density.low, density.high, position)
     return np.ones(len(position))
+
+
+def density_of_altitude(altitude: Array, scale_height: float) -> Array:
+    """exp(-altitude / scale_height), at most DENSEST."""
+    return np.exp(np.minimum(-altitude / scale_height, np.log(DENSEST)))
 
 
 def density_depth(volume: Volume, origin: Array, direction: Array, limit: Array | float) -> Array:

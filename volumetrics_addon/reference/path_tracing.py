@@ -127,7 +127,7 @@ def majorant(volume: Volume) -> float:
     match density:
         case ExponentialHeight():
             # The density grows downwards: the lowest point of the domain bounds it.
-            largest = np.exp(-(geometry.lowest(volume.domain) - density.base_height) / density.scale_height)
+            largest = optics.density_of_altitude(geometry.lowest(volume.domain) - density.base_height, density.scale_height)
         case ExponentialAltitude():
             center, (low, high) = np.array(density.center), path_scene.bounding_box(volume.domain)
             lowest = np.linalg.norm(np.clip(center, low, high) - center)
@@ -238,7 +238,8 @@ class _Angles:
         offset = np.array(light.position) - paths.origin
         self.foot = np.einsum("ni,ni->n", offset, paths.direction)
         across = offset - self.foot[:, None] * paths.direction
-        self.height = np.maximum(np.linalg.norm(across, axis=1), 1e-300)
+        # On the line itself at a distance whose square is still positive.
+        self.height = np.maximum(np.linalg.norm(across, axis=1), 1e-150)
         if isinstance(light, Spot) and light.cone_angle < np.pi:
             cos2 = np.cos(light.cone_angle / 2.0) ** 2
             near, far = geometry.nappe_interval(-offset, paths.direction, np.array(light.direction), cos2)

@@ -49,7 +49,10 @@ class Accumulator:
         if exact:
             error = doubt
         elif len(images) > 1:
-            error = np.hypot(images.std(axis=0, ddof=1) / np.sqrt(len(images)), doubt)
+            # On a ray through a light single scattering is infinite, and so is its spread.
+            with np.errstate(over="ignore", invalid="ignore"):
+                spread = images.std(axis=0, ddof=1) / np.sqrt(len(images))
+            error = np.hypot(np.where(np.isnan(spread), np.inf, spread), doubt)
         else:
             error = np.full_like(images[0], np.inf)
         mean = images.mean(axis=0) if len(images) > 1 else images[0]
