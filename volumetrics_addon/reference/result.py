@@ -66,7 +66,7 @@ def subpixels(width: int, height: int, strata: int, rng: np.random.Generator) ->
     ``strata`` 0 gives one set at the exact centres of the pixels: an image without the pixel's filter, on which methods
     can be compared to the last digit.
     """
-    column, row = (index.ravel() for index in np.meshgrid(np.arange(width), np.arange(height)))
+    column, row = np.tile(np.arange(float(width)), height), np.repeat(np.arange(float(height)), width)
     if strata == 0:
         yield column + 0.5, row + 0.5
     for cell in range(strata * strata):

@@ -34,7 +34,7 @@ TILE = 1 << 16
 # 16 nodes then keep 1e-6 down to a ten-thousandth of the interval, where one set of nodes keeps 1e-4.
 NEAR_LIGHT = 1.0 / 40.0
 NEAR_LIGHT_BREAKS = (-200.0, -8.0, 8.0, 200.0)
-DOUBT_STRIDE = 8  # one ray in so many is integrated again to state the error, for its neighbours too
+DOUBT_STRIDE = 16  # one ray in so many is integrated again to state the error, for its neighbours too
 EDGES = 1e-8  # relative error from the rounding of the lit intervals' ends
 MAX_PIECE_DEPTH = 4.0  # longest optical depth over which one set of nodes is trusted
 
