@@ -5,7 +5,8 @@
 
 Prints seconds and relative RMSE of each order and of each number of steps, then how much more time marching needs for
 the same error. Both are run at the smaller size, in turn; what marching does not reach is extrapolated along its measured
-slope and said so. The NumPy twin of the quadrature is measured too, as marching is NumPy.
+slope and said so. The NumPy twin of the quadrature is measured too, as marching is NumPy. At the end: time per pixel and
+light, and memory beside the image, against resolution and number of lights.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import math
 import os
 import sys
 import time
+import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
@@ -93,6 +96,24 @@ def main() -> None:
         (march, beyond), (quick, _), (numpy_twin, _) = (time_to(rows, goal) for rows in (marched, compiled, plain))
         print(f"  {goal:.0e}: {march / quick:12,.0f} x compiled, {march / numpy_twin:10,.0f} x NumPy"
               f"{'  (marching extrapolated)' if beyond else ''}", flush=True)
+    scaling(scene)
+
+
+def scaling(scene) -> None:
+    """Time per pixel and light, and the largest working memory beside image and error, which are 48 bytes a pixel."""
+    print("quadrature of order 12: pixels, lights, ns per pixel and light, working memory beside the result")
+    for size, lights in ((128, 1), (256, 1), (512, 1), (1024, 1), (2048, 1), (512, 2), (512, 4), (512, 8)):
+        lamp = scene.lights[0]
+        lamps = tuple(replace(lamp, position=(1.5 * i, 0.3 * i, lamp.position[2])) for i in range(lights))
+        many = replace(scene, lights=lamps)
+        render = lambda: single_scattering.render(many, size, size, strata=0, order=12)  # noqa: B023, E731
+        render()
+        seconds = min(measured(render, np.ones((size, size, 3)), 1)[1] for _ in range(3))
+        tracemalloc.start()
+        render()
+        peak = tracemalloc.get_traced_memory()[1] - 48 * size * size
+        tracemalloc.stop()
+        print(f"  {size:>5} x {size:<5} {lights} {seconds / size**2 / lights * 1e9:8.0f} ns {peak / 2**20:8.1f} MiB", flush=True)
 
 
 if __name__ == "__main__":

@@ -11,11 +11,13 @@ Environments lie in .venv-3.11 (Blender 4.5 LTS) and .venv-3.13 (Blender 5.2 LTS
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -57,13 +59,8 @@ def environment(version: str, python: str, *extras: str) -> Path:
     return interpreter
 
 
-def pytest(version: str, python: str, arguments: list[str]) -> int:
-    interpreter = environment(version, python, "test", "fast")
-    print(f"== Python {version}, Blender {PYTHONS[version]}", flush=True)
-    return subprocess.run([str(interpreter), "-m", "pytest", *arguments], cwd=ROOT).returncode
-
-
 def test(arguments: list[str]) -> int:
+    """The tests on every version at once, which takes two thirds of the time of one after the other."""
     need_all = "--all" in arguments
     arguments = [argument for argument in arguments if argument != "--all"]
     found = {version: find_python(version) for version in PYTHONS}
@@ -71,11 +68,25 @@ def test(arguments: list[str]) -> int:
         print(f"Python {version} is not here, so Blender {PYTHONS[version]} is not tested", file=sys.stderr)
         if need_all:
             return 3
-    codes = [pytest(version, python, arguments) for version, python in found.items() if python]
-    if not codes:
+    interpreters = {version: environment(version, python, "test", "fast", "bench") for version, python in found.items() if python}
+    if not interpreters:
         print(f"no supported Python is here; install one of {', '.join(PYTHONS)}", file=sys.stderr)
         return 3
-    return max(codes)
+    runs: list[tuple[str, subprocess.Popen, Path | None]] = []
+    with tempfile.TemporaryDirectory(prefix="volumetrics") as folder:
+        for version, interpreter in interpreters.items():
+            log = Path(folder) / version if runs else None  # the first is seen as it runs, the others when it has ended
+            with open(log, "wb") if log else contextlib.nullcontext() as output:
+                if not log:
+                    print(f"== Python {version}, Blender {PYTHONS[version]}", flush=True)
+                runs.append((version, subprocess.Popen([str(interpreter), "-m", "pytest", *arguments], cwd=ROOT, stdout=output,
+                                                       stderr=subprocess.STDOUT if log else None), log))
+        codes = []
+        for version, process, log in runs:
+            codes.append(process.wait())
+            if log:
+                print(f"== Python {version}, Blender {PYTHONS[version]}\n{log.read_text(encoding='utf-8', errors='replace')}", flush=True)
+    return max(abs(code) for code in codes)
 
 
 def main(arguments: list[str]) -> int:

@@ -94,7 +94,7 @@ def test_show_writes_a_preset_that_the_command_line_changed(tmp_path, capsys):
 
 
 def test_every_declared_parameter_has_an_option_that_shows_its_limits():
-    assert set(COMMANDS) == {"list", "show", "render", "verify", "tour", "table", "doctor"}
+    assert set(COMMANDS) == {"list", "show", "render", "verify", "tour", "integrators", "bench", "fit-phase", "table", "doctor"}
     checked, commands = 0, parser("volumetrics")
     for verb in ("show", "render", "verify"):
         for group in (*FAMILIES.values(), STAGE):
@@ -108,7 +108,8 @@ def test_every_declared_parameter_has_an_option_that_shows_its_limits():
     assert checked >= 150
 
 
-@pytest.mark.parametrize("verb", [[], *([name] for name in ("show", "render", "verify", "tour", "table", "doctor", "list"))])
+@pytest.mark.parametrize("verb", [[], *([name] for name in ("show", "render", "verify", "tour", "table", "doctor", "list",
+                                                                    "integrators", "bench", "fit-phase"))])
 def test_help(verb, capsys):
     assert main([*verb, "--help"]) == OK
     text = " ".join(capsys.readouterr().out.split())
@@ -309,6 +310,13 @@ def test_bench_measures_charts_and_resumes(tmp_path, capsys):
     assert main([*arguments, "--json"]) == OK
     assert (tmp_path / "bench.csv").read_text() == rows
     assert len(json.loads(capsys.readouterr().out)["rows"]) == rows.count("\n") - 1
+
+
+def test_bench_without_matplotlib_keeps_the_measurements(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert main(["bench", "glass", "--rivals", "dielectric", "--size", "4", "--out", str(tmp_path)]) == OK
+    assert "pip install matplotlib" in capsys.readouterr().out
+    assert (tmp_path / "summary.md").exists() and not list(tmp_path.glob("*.png"))
 
 
 @pytest.mark.parametrize("arguments, words", [

@@ -97,3 +97,11 @@ def test_majorant_bounds_the_density():
             points = np.random.default_rng(1).uniform(-0.57, 0.57, (5000, 3))
             points[0] = (0.0, 0.0, -1.0)  # the lowest point of both domains
             assert path_tracing.majorant(volume) >= 2.5 * optics.density_at(volume, points).max() * (1 - 1e-12)
+
+
+def test_the_twin_refuses_what_it_would_not_end():
+    """One majorant for a fog of scale height 1 mm that reaches 1 m below its base: free flights of e^-1000 m."""
+    fog = Medium((1.0,) * 3, (0.0,) * 3, Phase(0.0), ExponentialHeight(1e-3, 0.0))
+    scene = Scene(Camera((0.0, -3.0, 0.0), (0.0, 1.0, 0.0), 1.0), volumes=(Volume(Box((0, 0, 0), (1, 1, 1)), fog),), orders=2)
+    with pytest.raises(ValueError, match="install numba"):
+        path_tracing.render(scene, 2, 2, strata=1, repeats=1, kernel="numpy")

@@ -49,7 +49,7 @@ def test_contents_are_the_sources_and_nothing_else(package):
         assert zipped.testzip() is None
         inside = {name: zipped.read(name) for name in zipped.namelist() if not name.endswith("/")}
     sources = {path.relative_to(ROOT / "volumetrics_addon").as_posix(): path
-               for path in (ROOT / "volumetrics_addon").rglob("*.py")}
+               for pattern in ("*.py", "*.npz") for path in (ROOT / "volumetrics_addon").rglob(pattern)}
     sources |= {f"presets/{path.name}": path for path in (ROOT / "presets").glob("*.toml")}
     sources |= {name: ROOT / name for name in ("blender_manifest.toml", "LICENSE")}
     assert set(inside) == set(sources)

@@ -18,13 +18,18 @@ from ..scene.model import Scene
 Setting = Mapping[str, Any]
 
 # The narrowest filters that the engines have: their images too are taken at the centres of the pixels.
-CENTRES = {CYCLES: {"cycles.filter_width": 0.01}, EEVEE: {"render.filter_size": 0.0}}
+# Cycles' box filter is a pixel wide whatever its width says.
+CENTRES = {CYCLES: {"cycles.pixel_filter_type": "GAUSSIAN", "cycles.filter_width": 0.01}, EEVEE: {"render.filter_size": 0.0}}
 ENGINE_SETTINGS: dict[str, tuple[Setting, ...]] = {
     CYCLES: tuple({"samples": samples} for samples in (1, 4, 16, 64, 256, 1024)),
     EEVEE: tuple({"samples": samples, "eevee.volumetric_tile_size": tile, "eevee.volumetric_samples": slices}
                  for samples, tile, slices in ((1, "16", 32), (1, "8", 64), (4, "8", 64), (8, "4", 64), (16, "2", 64),
                                                (16, "2", 128))),
 }
+
+
+class RivalFailed(RuntimeError):
+    """A rival that applies delivered no image: an engine that this machine cannot run."""
 
 
 @dataclass(frozen=True)
@@ -72,12 +77,15 @@ class EngineRival:
         return ""
 
     def shoot(self, scene: Scene, width: int, height: int, setting: Setting, seed: int) -> Shot:
-        from ..blender.render import render_scene
+        from ..blender.render import RenderError, render_scene
 
         own = dict(setting)
         samples = own.pop("samples")
-        rendered = render_scene(scene, describe_scene(scene), "Benchmark", self.name, width, height, samples, seed=seed,
-                                settings=CENTRES[self.name] | own)
+        try:
+            rendered = render_scene(scene, describe_scene(scene), "Benchmark", self.name, width, height, samples, seed=seed,
+                                    settings=CENTRES[self.name] | own)
+        except RenderError as error:
+            raise RivalFailed(str(error)) from error
         return Shot(rendered.images[0], rendered.seconds, width * height * samples, None)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..reference import select
 from ..scene.model import Scene
-from .rivals import Rival, Setting, Shot
+from .rivals import Rival, RivalFailed, Setting, Shot
 from .scenes import BenchScene
 
 Progress = Callable[[str, float], None]
@@ -169,10 +169,15 @@ def measure(benches: Sequence[BenchScene], rivals: Iterable[Rival], size: int, f
                 done += 1
                 row = table.get((bench.name, rival.name, text, digest))
                 if row is None:
-                    if not warm:
-                        rival.shoot(scene, WARM_UP, WARM_UP, rival.settings[0], seed)
-                        warm = True
-                    row = _row(bench, rival, text, truth, digest, *shoot(rival, scene, size, size, setting, seed))
+                    try:
+                        if not warm:
+                            rival.shoot(scene, WARM_UP, WARM_UP, rival.settings[0], seed)
+                            warm = True
+                        row = _row(bench, rival, text, truth, digest, *shoot(rival, scene, size, size, setting, seed))
+                    except RivalFailed as error:
+                        done += len(rival.settings) - index - 1
+                        say(f"{bench.name}: {rival.name} failed: {error}")
+                        break
                     table.add(row)
                 chosen.append(row)
                 if row.seconds > limit:

@@ -414,7 +414,7 @@ def _integrators(arguments: argparse.Namespace, progress: Progress) -> int:
 
 
 def _bench(arguments: argparse.Namespace, progress: Progress) -> int:
-    from ..bench import chart, rivals, run, scenes, summary
+    from ..bench import rivals, run, scenes, summary
 
     benches = [scenes.by_name(name) for name in arguments.scene] or list(scenes.SCENES)
     chosen = [rivals.rival(name.strip()) for name in arguments.rivals.split(",")] if arguments.rivals else \
@@ -427,24 +427,36 @@ def _bench(arguments: argparse.Namespace, progress: Progress) -> int:
 
     rows = run.measure(benches, chosen, arguments.size, arguments.out, limit=arguments.limit, seed=arguments.seed,
                        progress=progress, say=say)
-    charts, sheet = [], []
-    for bench in benches:
-        mine = [row for row in rows if row.scene == bench.name]
-        if mine:
-            truth = run.truth_of(bench, bench.make(), arguments.size, arguments.size, arguments.out, mine[0].digest)
-            charts.append(arguments.out / f"{bench.name}.png")
-            chart.chart(mine, bench.title, charts[-1], truth.image)
-            sheet.append((bench.title, mine))
-    if sheet:
-        charts.append(arguments.out / "bench.png")
-        chart.overview(sheet, charts[-1])
+    charts: list[Path] = []
+    try:
+        charts = _charts(benches, rows, arguments)
+    except ImportError as error:  # the measurements are worth more than their pictures
+        say(str(error))
     text = summary.summary(rows)
     (arguments.out / "summary.md").write_text(text, encoding="utf-8")
     progress.clear()
     if arguments.json:
         print(json.dumps({"rows": [vars(row) for row in rows], "charts": [str(path) for path in charts]}, indent=2))
-    _say(arguments, f"\n{text}\ncharts, bench.csv and summary.md in {arguments.out}")
+    _say(arguments, f"\n{text}\n{'charts, ' if charts else ''}bench.csv and summary.md in {arguments.out}")
     return OK
+
+
+def _charts(benches: Sequence[Any], rows: Sequence[Any], arguments: argparse.Namespace) -> list[Path]:
+    """A chart for each scene and one of all; their files. Raises ImportError without matplotlib."""
+    from ..bench import chart, run
+
+    files, sheet = [], []
+    for bench in benches:
+        mine = [row for row in rows if row.scene == bench.name]
+        if mine:
+            truth = run.truth_of(bench, bench.make(), arguments.size, arguments.size, arguments.out, mine[0].digest)
+            files.append(arguments.out / f"{bench.name}.png")
+            chart.chart(mine, bench.title, files[-1], truth.image)
+            sheet.append((bench.title, mine))
+    if sheet:
+        files.append(arguments.out / "bench.png")
+        chart.overview(sheet, files[-1])
+    return files
 
 
 def _fit_phase(arguments: argparse.Namespace, progress: Progress) -> int:

@@ -146,7 +146,7 @@ def _multilinear(values: Array, axes: tuple[Array, ...], place) -> Array:
 @lru_cache(maxsize=4)
 def load(path: str | Path = DEFAULT) -> AmbientTable:
     """The table of a file that ``save`` wrote; the shipped one by default. ValueError for another format."""
-    with np.load(path, allow_pickle=False) as file:
+    with np.load(path) as file:
         if "format" not in file or int(file["format"]) != FORMAT:
             found = int(file["format"]) if "format" in file else "none"
             raise ValueError(f"format of {path} must be {FORMAT}, got {found}; build it with scripts/build_ambient_table.py")

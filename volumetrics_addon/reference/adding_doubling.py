@@ -8,15 +8,14 @@ or enters through the sides, and lines of sight cut short by them.
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from ..physics.slab import slab_radiance
 from ..scene import geometry
 from ..scene.model import Box, Homogeneous, Scene, Sun
 from . import optics
-from .result import Progress, Result, subpixels
+from .frame import render_rays
+from .result import Progress, Result
 
 Array = np.ndarray
 
@@ -63,40 +62,14 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 1, strata: i
     """Image of the scene with all orders of scattering; ``quadrature`` is the number of directions per hemisphere.
 
     ``strata`` 0: one ray through the centre of each pixel, the same in every run; the error is that of the quadrature,
-    per pixel. Otherwise each of ``repeats`` equally distributed images averages strata^2 jittered rays per pixel, and the
-    error is the statistical one, with the quadrature's average as the systematic part. Raises ValueError when the
+    per pixel. Otherwise each of ``repeats`` equally distributed images averages strata^2 jittered rays per pixel, and their
+    spread adds to the error. Raises ValueError when the
     integrator does not apply (see ``applies``).
     """
     if reason := applies(scene):
         raise ValueError(f"adding_doubling does not apply: {reason}; use path_tracing")
-    start = time.perf_counter()
-    rng = np.random.default_rng(seed)
-    images, errors, evaluations = [], [], 0
-    repeats = repeats if strata else 1
-    for repeat in range(repeats):
-        image, error = np.zeros((2, height * width, 3))
-        rasters = list(subpixels(width, height, strata, rng)) if strata else [_centres(width, height)]
-        for x, y in rasters:
-            rays = geometry.camera_rays(scene.camera, width, height, x, y)
-            value, quadrature_error, count = radiance(scene, *rays, quadrature)
-            image += value / len(rasters)
-            error += quadrature_error / len(rasters)
-            evaluations += count
-        images.append(image.reshape(height, width, 3))
-        errors.append(error.reshape(height, width, 3))
-        if progress:
-            progress((repeat + 1) / repeats)
-    images, error = np.stack(images), np.mean(errors, axis=0)
-    statistical = error
-    if strata:
-        statistical = images.std(axis=0, ddof=1) / np.sqrt(repeats) if repeats > 1 else np.full_like(error, np.inf)
-    return Result(images.mean(axis=0), statistical, evaluations, time.perf_counter() - start, float(error.mean()),
-                  "adding_doubling", images)
-
-
-def _centres(width: int, height: int) -> tuple[Array, Array]:
-    column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    return column.ravel(), row.ravel()
+    return render_rays("adding_doubling", lambda origin, direction, rng: radiance(scene, origin, direction, quadrature), scene,
+                       width, height, repeats=repeats, strata=strata, seed=seed, random=False, progress=progress)
 
 
 def radiance(scene: Scene, origin: Array, direction: Array, quadrature: int = 24) -> tuple[Array, Array, int]:

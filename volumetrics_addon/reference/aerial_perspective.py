@@ -22,7 +22,8 @@ from .result import Progress, Result
 
 Array = np.ndarray
 
-BIAS = "Interpolation between froxels and one sample a slice; light scattered more than once is made isotropic."
+BIAS = ("Interpolation between froxels and one sample a slice; light scattered more than once is made isotropic: the sky's mean "
+        "came out 8 % (noon) and 11 % (sunset) too dark with 8 x 6 x 8 froxels, 2 % and 5 % with 32 x 24 x 32.")
 SETTINGS = (
     {"nx": 8, "ny": 6, "nz": 8},
     {"nx": 16, "ny": 12, "nz": 16},

@@ -30,7 +30,8 @@ from .result import Progress, Result
 Array = np.ndarray
 
 BIAS = ("Error of the slices and of the light buffer's resolution, second order where light and media are smooth. Without "
-        "blur single scattering only; with it an approximation of forward scattering of unknown error.")
+        "blur single scattering only; with it everything counts as scattered forwards: on balls of optical radius 2 the mean was "
+        "0.3 (sun behind the camera) to 3.1 times (against the sun) the path-traced truth, of radius 8 0.1 to 25 times.")
 SETTINGS = tuple({"slices": slices, "resolution": resolution}
                  for slices, resolution in ((4, 8), (8, 8), (16, 16), (32, 16), (64, 32), (128, 32), (256, 64)))
 

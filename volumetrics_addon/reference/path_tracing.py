@@ -37,6 +37,7 @@ KERNELS = ("numba", "numpy")
 ROULETTE_START = 16
 ROULETTE_THRESHOLD = 0.1
 BATCH = 1 << 15
+MOST_FLIGHTS = 1e9  # free flights of a path that the NumPy twin takes on
 BATCH_SECONDS = 0.25  # of compiled work between two looks at progress and interrupts
 
 
@@ -63,6 +64,8 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: i
     kernel = preferred_kernel(scene) if kernel is None else kernel
     if kernel not in KERNELS:
         raise ValueError(f"kernel must be one of {', '.join(KERNELS)}, got {kernel!r}; leave it out for the fastest")
+    if kernel == "numpy" and (reason := _endless(scene)):
+        raise ValueError(f"path_tracing in NumPy {reason}; install numba, whose majorants are local, or cut the domain")
     batches, prepared = (_compiled_batches, path_scene.flatten(scene)) if kernel == "numba" else (_numpy_batches, scene)
     accumulator = Accumulator()
     evaluations, done, total = 0, 0, repeats * samples * width * height
@@ -75,6 +78,17 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: i
                 progress(done / total)
         accumulator.add(image.reshape(height, width, 3) / samples)
     return accumulator.result(evaluations, "path_tracing")
+
+
+def _endless(scene: Scene) -> str:
+    """Empty unless a density falls so steeply that paths under one majorant for all of it would not come to an end."""
+    for volume in scene.volumes:
+        if isinstance(volume.medium.density, (ExponentialHeight, ExponentialAltitude)):
+            low, high = path_scene.bounding_box(volume.domain)
+            flights = majorant(volume) * float(np.linalg.norm(high - low))
+            if flights > MOST_FLIGHTS:
+                return f"would take up to {flights:.0e} steps a path through a density that falls off within its domain"
+    return ""
 
 
 def preferred_kernel(scene: Scene) -> str:

@@ -172,7 +172,7 @@ def image(scene: Scene, width: int, height: int, name: str, value: Callable, coa
     repeats = repeats if strata else 1
     for repeat in range(repeats):
         total = np.zeros((height * width, 3))
-        cells = list(subpixels(width, height, strata, rng)) if strata else [centres(width, height)]
+        cells = list(subpixels(width, height, strata, rng))
         for number, (x, y) in enumerate(cells):
             origin, direction = geometry.camera_rays(scene.camera, width, height, x, y)
             for start in range(0, len(x), TILE):
@@ -197,8 +197,7 @@ def image(scene: Scene, width: int, height: int, name: str, value: Callable, coa
 
 def centres(width: int, height: int) -> tuple[Array, Array]:
     """Raster positions x, y (n,) of the pixels' centres."""
-    column, row = np.meshgrid(np.arange(width), np.arange(height))
-    return column.ravel() + 0.5, row.ravel() + 0.5
+    return next(subpixels(width, height, 0, np.random.default_rng()))
 
 
 def _is_sphere(shape) -> bool:

@@ -16,7 +16,8 @@ from .result import Progress, Result
 
 Array = np.ndarray
 
-BIAS = "A fit to the Earth's sky at turbidities from 2 to 10, whatever the scene's air; too bright near the horizon."
+BIAS = ("A fit to the Earth's sky at turbidities from 2 to 10, whatever the scene's air: against clear air its mean was 2.2 times "
+        "too bright at noon and 6.9 times at sunset, most of it near the horizon.")
 SETTINGS = ({"turbidity": None}, {"turbidity": 2.0}, {"turbidity": 2.5}, {"turbidity": 3.0}, {"turbidity": 4.0})
 
 CLEAREST, HAZIEST = 2.0, 10.0

@@ -20,7 +20,8 @@ from .sky_tables import missing_orders
 
 Array = np.ndarray
 
-BIAS = "Light scattered more than once is missing: a fifth to a half of a clear sky; exact for scenes of one order."
+BIAS = ("Light scattered more than once is missing, 33 % of a clear sky's mean at noon and 19 % at sunset; exact for scenes of "
+        "one order.")
 SETTINGS = ({"order": 4}, {"order": 6}, {"order": 8}, {"order": 12}, {"order": 16}, {"order": 32})
 
 

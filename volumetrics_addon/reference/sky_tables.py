@@ -20,7 +20,9 @@ from .result import Progress, Result
 
 Array = np.ndarray
 
-BIAS = "The tables are coarse where the sun sets, and orders of scattering beyond the last table are missing."
+BIAS = ("Coarse tables and missing orders: against tables of 16 and 8 orders the sky's RMS error was 15 % at noon and 7 % at sunset "
+        "with 6 and 2, 0.7 % and 1.2 % with 8 and 6, 0.1 % and 0.4 % with 12 and 8; path tracing confirms the finest to its "
+        "own 1 %.")
 SETTINGS = (
     {"resolution": 6, "orders": 2},
     {"resolution": 6, "orders": 4},
