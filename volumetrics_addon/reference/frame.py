@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -37,17 +37,28 @@ def render_rays(name: str, radiance: Radiance, scene: Scene, width: int, height:
     done, total = 0, repeats * rays_per_pixel * height * width
     for _ in range(repeats):
         image = np.zeros((height * width, 3))
-        for x, y in subpixels(width, height, strata, rng):
-            for start in range(0, len(x), tile):
-                part = slice(start, start + tile)
-                value, error, count = radiance(*geometry.camera_rays(scene.camera, width, height, x[part], y[part]), rng)
-                image[part] += value
-                doubt[part] += error
-                evaluations += count
-                done += len(value)
-                if progress:
-                    progress(done / total)
+        for part, x, y in _tiles(width, height, strata, rng, tile):
+            value, error, count = radiance(*geometry.camera_rays(scene.camera, width, height, x, y), rng)
+            image[part] += value
+            doubt[part] += error
+            evaluations += count
+            done += len(value)
+            if progress:
+                progress(done / total)
         image /= rays_per_pixel
         accumulator.add(image.reshape(height, width, 3))
     doubt /= repeats * rays_per_pixel
     return accumulator.result(evaluations, name, doubt.reshape(height, width, 3), exact)
+
+
+def _tiles(width: int, height: int, strata: int, rng: np.random.Generator, tile: int) -> Iterator[tuple[slice, Array, Array]]:
+    """Pixels and raster positions x, y of one tile of rays after the other; positions at centres are made tile by tile."""
+    pixels = width * height
+    parts = [slice(start, min(start + tile, pixels)) for start in range(0, pixels, tile)]
+    if strata == 0:
+        for part in parts:
+            row, column = np.divmod(np.arange(part.start, part.stop), width)
+            yield part, column + 0.5, row + 0.5
+    for x, y in subpixels(width, height, strata, rng) if strata else ():
+        for part in parts:
+            yield part, x[part], y[part]
