@@ -524,6 +524,7 @@ def asked(table, method="__call__"):
 BETWEEN = Interval(
     GROUND, TOP, (GROUND, np.nextafter(GROUND, inf), GROUND + 1.0, GROUND + 8e3, np.nextafter(TOP, 0.0), TOP), GROUND + 1e3
 )
+POSITIVE = Interval(0.0, inf, BETWEEN.values, BETWEEN.usual, open=(0.0, inf))  # what lies outside counts as its edge
 ABOVE = Interval(0.0, inf, BETWEEN.values, BETWEEN.usual, open=(inf,))
 RADIUS = Interval(0.0, inf, (0.0, TINY, 1.0, 1e3, GROUND - 1.0, *BETWEEN.values, 1e30), GROUND + 1e3, open=(inf,))
 CURVED = {
@@ -583,7 +584,7 @@ ATMOSPHERES = {
         (Claim(0.0, 1.0, trailing=None),) * 2,
         unchecked=UNCHECKED,
     ),
-    "Planet.density": Function(EARTH.density, {"radius": BETWEEN}, Claim(0.0, 1.0, trailing=(2,)), unchecked=UNCHECKED),
+    "Planet.density": Function(EARTH.density, {"radius": POSITIVE}, Claim(0.0, 1.0, trailing=(2,))),
     "Planet.phases": Function(EARTH.phases, C, PER_COMPONENT),
     "Planet.paths": Function(
         EARTH.paths, {"radius": ABOVE, "mu": COSINE, "distance": DISTANCE}, Claim(may=always, trailing=(2,)), rounding=1e-14
@@ -598,9 +599,9 @@ ATMOSPHERES = {
         rounding=1e-13,
         unchecked=UNCHECKED,
     ),
-    "Planet.horizon": Function(EARTH.horizon, {"radius": BETWEEN}, Claim(-1.0, 0.0), unchecked=UNCHECKED),
+    "Planet.horizon": Function(EARTH.horizon, {"radius": POSITIVE}, Claim(-1.0, 0.0)),
     "Planet.sunlight": Function(
-        EARTH.sunlight, {"radius": BETWEEN, "mu_s": COSINE}, Claim(0.0, 1.0, **COLOR), rounding=1e-13, unchecked=UNCHECKED
+        EARTH.sunlight, {"radius": POSITIVE, "mu_s": COSINE}, Claim(0.0, 1.0, **COLOR), rounding=1e-13
     ),
     "ray_nodes": Function(
         atmosphere.ray_nodes,
@@ -613,15 +614,14 @@ ATMOSPHERES = {
             "order": Choice((3, 16), 8),
         },
         (Claim(trailing=None), Claim(trailing=None)),
-        unchecked=UNCHECKED,
         rounding=1e-13,
+        unchecked=UNCHECKED,
     ),
     "TransmittanceTable.__call__": Function(
         asked("transmittance"),
-        {"radius": BETWEEN, "mu": COSINE},
+        {"radius": POSITIVE, "mu": COSINE},
         Claim(0.0, 1.0, **COLOR),
         rounding=1e-13,
-        unchecked=UNCHECKED,
     ),
     "TransmittanceTable.interpolation_error": Function(asked("transmittance", "interpolation_error"), {}, SHARE),
     "transmittance_table": Function(
@@ -645,14 +645,13 @@ ATMOSPHERES = {
     ),
     "ScatteringTables.source": Function(
         asked("scattering", "source"),
-        {"radius": BETWEEN, "mu": COSINE, "mu_s": COSINE, "nu": COSINE},
+        {"radius": POSITIVE, "mu": COSINE, "mu_s": COSINE, "nu": COSINE},
         Claim(**COLOR),
         limit=4000,
-        unchecked=UNCHECKED,
         rounding=1e-13,
     ),
     "ScatteringTables.irradiance": Function(
-        asked("scattering", "irradiance"), {"mu_s": COSINE}, Claim(**COLOR), unchecked=UNCHECKED, rounding=1e-13
+        asked("scattering", "irradiance"), {"mu_s": COSINE}, Claim(**COLOR), rounding=1e-13
     ),
     "scattering_tables": Function(
         atmosphere.scattering_tables,
@@ -661,10 +660,10 @@ ATMOSPHERES = {
         call=lambda **a: atmosphere.scattering_tables(**a).irradiance(np.float64(0.5)),
     ),
     "UniformScattering.irradiance": Function(
-        asked("uniform", "irradiance"), {"mu_s": COSINE}, Claim(**COLOR), unchecked=UNCHECKED, rounding=1e-13
+        asked("uniform", "irradiance"), {"mu_s": COSINE}, Claim(**COLOR), rounding=1e-13
     ),
     "UniformScattering.__call__": Function(
-        asked("uniform"), {"radius": BETWEEN, "mu_s": COSINE}, Claim(**COLOR), unchecked=UNCHECKED, rounding=1e-13
+        asked("uniform"), {"radius": POSITIVE, "mu_s": COSINE}, Claim(**COLOR), rounding=1e-13
     ),
 }
 

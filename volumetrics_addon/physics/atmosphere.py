@@ -132,6 +132,10 @@ def top_distance(radius, mu, top_radius):
     return (top_radius * np.where(upward, depth / np.where(upward, root + along, 1.0), root - along))[()]
 
 
+def _radius(radius):
+    return checks.positive("radius", radius, "metres", "measure from the planet's centre")
+
+
 def _above(name, radius, limit):
     """``radius`` as float64, raised to ``limit`` where rounding left it below."""
     radius = checks.finite(name, radius, "metres")
@@ -246,9 +250,10 @@ class Planet:
         return self.scattering + np.array([c.sigma_a for c in self.components], dtype=np.float64)
 
     def density(self, radius):
-        """Densities (..., components), 1 at the ground."""
+        """Densities (..., components), 1 at the ground; raises ValueError for a radius that is not positive."""
+        radius = _radius(radius)
         scale = np.array([c.scale_height for c in self.components])
-        return np.exp((self.radius - np.asarray(radius)[..., None]) / scale)
+        return np.exp((self.radius - radius[..., None]) / scale)
 
     def phases(self, cos_theta):
         """Phase functions (..., components), per steradian."""
@@ -265,18 +270,19 @@ class Planet:
 
     def attenuation(self, paths):
         """Transmittance (..., 3) of density integrals (..., components)."""
+        paths = checks.nonnegative_or_infinite("paths", paths, "metres", "integrate the density along the ray")
         with np.errstate(over="ignore", under="ignore"):
             # A density integral that overflowed, deep underground, times an extinction of 0.
             return np.exp(-(np.minimum(paths, 1e300) @ self.extinction))
 
     def horizon(self, radius):
         """Cosine below which rays from ``radius`` meet the ground."""
-        radius = np.maximum(np.asarray(radius, dtype=np.float64), self.radius)
+        radius = np.maximum(_radius(radius), self.radius)
         return -np.sqrt((radius - self.radius) * (radius + self.radius)) / radius
 
     def sunlight(self, radius, mu_s):
         """Share (..., 3) of the sun's light that arrives at ``radius`` with the sun at zenith cosine mu_s, 0 in shadow."""
-        radius, mu_s = np.broadcast_arrays(np.maximum(radius, self.radius), mu_s)
+        radius, mu_s = np.broadcast_arrays(np.maximum(_radius(radius), self.radius), checks.cosine("mu_s", mu_s))
         lit = mu_s >= self.horizon(radius)
         toward = np.where(lit, mu_s, 1.0)
         clear = self.transmittance(radius, toward, top_distance(radius, toward, self.top))
@@ -337,7 +343,7 @@ class TransmittanceTable:
         return radius, np.clip(np.where(away, mu, 1.0), self.planet.horizon(radius), 1.0)
 
     def __call__(self, radius, mu):
-        radius, mu = np.broadcast_arrays(np.asarray(radius, np.float64), np.asarray(mu, np.float64))
+        radius, mu = np.broadcast_arrays(_radius(radius), checks.cosine("mu", mu))
         radius = np.clip(radius, self.planet.radius, self.planet.top)
         rho = np.sqrt((radius - self.planet.radius) * (radius + self.planet.radius))
         nearest = self.planet.top - radius
@@ -505,12 +511,14 @@ class ScatteringTables:
 
         mu and mu_s: zenith cosines of the ray and of the sun; nu: the cosine between them. All broadcast, in range.
         """
+        radius = _radius(radius)
+        mu, mu_s, nu = (checks.cosine(name, x) for name, x in (("mu", mu), ("mu_s", mu_s), ("nu", nu)))
         value = self._lookup(self._source, radius, mu, mu_s, nu)
         return np.einsum("...c,cx,...cx->...x", self.planet.density(radius), self.planet.scattering, value)
 
     def irradiance(self, mu_s):
         """Irradiance (..., 3) on the ground in orders 0 to ``orders`` - 1, for unit irradiance of the sun."""
-        mu_s = np.asarray(mu_s, dtype=np.float64)
+        mu_s = checks.cosine("mu_s", mu_s)
         return self._direct(mu_s) + self._scattered(np.sum(self._diffuse, axis=0), mu_s)
 
 
@@ -574,11 +582,11 @@ class UniformScattering:
         self._irradiance = np.einsum("k,skx->sx", share * np.maximum(mu, 0.0), arrived)
 
     def __call__(self, radius, mu_s):
-        return self._lookup(self._value, radius, mu_s)
+        return self._lookup(self._value, _radius(radius), checks.cosine("mu_s", mu_s))
 
     def irradiance(self, mu_s):
         """Irradiance (..., 3) of the sky on the ground, for unit irradiance of the sun."""
-        return interpolated(self._irradiance, (self._sun_index(np.asarray(mu_s, dtype=np.float64)),))
+        return interpolated(self._irradiance, (self._sun_index(checks.cosine("mu_s", mu_s)),))
 
     def _lookup(self, value, radius, mu_s):
         radius, mu_s = np.asarray(radius, dtype=np.float64), np.asarray(mu_s, dtype=np.float64)
