@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .blender import compat, render
+from .blender import render
 from .blender.text import text_mask
 from .compare.png import write_png
 from .compare.report import report_picture

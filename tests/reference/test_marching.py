@@ -131,7 +131,7 @@ def test_raster_is_the_inverse_of_the_camera():
     x, y = rng.uniform(0, 20, 100), rng.uniform(0, 10, 100)
     camera = Camera((1.0, 2.0, 3.0), normalized((0.3, -0.8, 0.2)), 1.9)
     _, direction = geometry.camera_rays(camera, 20, 10, x, y)
-    found = marching.raster(camera, 20, 10, direction)
+    found = geometry.raster(camera, 20, 10, direction)
     np.testing.assert_allclose(found, (x, y), atol=1e-11)
 
 

@@ -15,8 +15,8 @@ from math import inf, nan, pi
 import numpy as np
 
 from volumetrics_addon.physics import (
-    airlight, ambient_table, atmosphere, grid, opacity_map, phase, phase_fit, preetham, projector, slab, summed_area,
-    transfer_function, transmittance,
+    airlight, ambient_table, atmosphere, grid, opacity_map, phase, phase_fit, preetham, projector, quadrature, slab,
+    summed_area, transfer_function, transmittance,
 )  # fmt: skip
 
 TINY, ALMOST = 5e-324, 1 - 1e-16  # smallest positive number, largest below 1
@@ -578,12 +578,6 @@ ATMOSPHERES = {
         NONNEGATIVE,
         valid=lambda radius, top_radius, **_: radius <= top_radius,
     ),
-    "gauss_legendre": Function(
-        atmosphere.gauss_legendre,
-        {"order": Choice((1, 2, 16, 64), 8)},
-        (Claim(0.0, 1.0, trailing=None),) * 2,
-        unchecked=UNCHECKED,
-    ),
     "Planet.density": Function(EARTH.density, {"radius": POSITIVE}, Claim(0.0, 1.0, trailing=(2,))),
     "Planet.phases": Function(EARTH.phases, C, PER_COMPONENT),
     "Planet.paths": Function(
@@ -988,6 +982,18 @@ TRANSFER_FUNCTIONS = {
     ),
 }
 
+QUADRATURES = {
+    "gauss_legendre": Function(
+        quadrature.gauss_legendre,
+        {
+            "order": Choice((1, 2, 16, 64), 8, ((0, "0"), (-3, "-3"))),
+            "low": Choice((-1.0, 0.0), -1.0),
+            "high": Choice((0.5, 1.0), 1.0),
+        },
+        (Claim(-1.0, 1.0, trailing=None), Claim(0.0, 2.0, trailing=None)),
+    ),
+}
+
 FUNCTIONS: dict[str, Function] = {
     f"{module}.{name}": function
     for module, functions in (
@@ -997,6 +1003,7 @@ FUNCTIONS: dict[str, Function] = {
         ("slab", SLABS),
         ("atmosphere", ATMOSPHERES),
         ("preetham", SKIES),
+        ("quadrature", QUADRATURES),
         ("grid", GRIDS),
         ("opacity_map", OPACITY_MAPS),
         ("phase_fit", PHASE_FITS),

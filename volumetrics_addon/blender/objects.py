@@ -9,7 +9,7 @@ import bmesh
 import bpy
 from mathutils import Matrix, Vector
 
-from ..scene.model import Box, Camera, Color, Cone, Ellipsoid, Light, Shape, Spot, Sun, Surface, look_frame
+from ..scene.model import Box, Camera, Color, Cone, Ellipsoid, Light, Shape, Sun, Surface, look_frame
 from .compat import use_nodes
 from .nodes import Tree, arrange, socket_of
 

@@ -22,12 +22,12 @@ All functions raise ValueError for NaN and for arguments out of range.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from . import checks
+from .quadrature import gauss_legendre
 
 # Beyond this optical depth behind its start nothing of a ray is seen:
 # exp(-45) is 3e-20.
@@ -488,7 +488,7 @@ def _panel_sums(ray, index, low, high, measure, emission, phase, order):
     fades_late = _fades_late(low, middle, high, height, ray.sigma_t[index])[:, np.newaxis]
 
     def rule(points):
-        nodes, weights = _gauss_legendre(points)
+        nodes, weights = gauss_legendre(points, -0.5, 0.5)
         # Squared towards the far end: a late fading wants its nodes there.
         rest = 0.5 - nodes
         nodes = np.where(fades_late, 0.5 - rest * rest, nodes)
@@ -551,13 +551,6 @@ def _lit_at_light(ray, emission, phase):
     # A ray that touches the light with its start has its length behind it.
     lit = ((ray.near < -_ON_THE_LINE) & (before > 0)) | ((ray.far > _ON_THE_LINE) & (behind > 0))
     return lit & (ray.strength > 0) & (ray.near < ray.far)
-
-
-@lru_cache(maxsize=64)
-def _gauss_legendre(order):
-    """Nodes in [-1/2, 1/2] and weights of sum 1."""
-    nodes, weights = np.polynomial.legendre.leggauss(order)
-    return nodes / 2, weights / 2
 
 
 def _check_order(order):

@@ -35,6 +35,7 @@ from pathlib import Path
 import numpy as np
 
 from . import checks, phase
+from .quadrature import gauss_legendre
 
 Array = np.ndarray
 
@@ -109,7 +110,7 @@ class AmbientTable:
     @cached_property
     def _furnace_log_ratio(self) -> Array:
         """ln of 2 pi (integral of the ratio times HG(g^2) over the cosine) at the nodes of tau, g and albedo."""
-        cosine, weight = np.polynomial.legendre.leggauss(96)
+        cosine, weight = gauss_legendre(96)
         mesh = np.meshgrid(cosine, self.tau, self.g, self.albedo, indexing="ij", sparse=True)
         ratio = np.exp(self._read(self.log_ratio, np.arccos(mesh[0]), *mesh[1:]))
         return np.log(2.0 * np.pi * np.tensordot(weight, ratio * phase.henyey_greenstein(mesh[0], mesh[2] ** 2), 1))

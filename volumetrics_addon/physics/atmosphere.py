@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
 from . import checks
+from .quadrature import gauss_legendre
 
 # Scattering of air per Rec.709 channel, to be scaled: lambda^-4 at 657, 548 and 445 nm, normalised to luminance
 # 0.2126 R + 0.7152 G + 0.0722 B = 1. Source: Akenine-Moeller et al., Real-Time Rendering, 4th ed. 2018, section 14.1.
@@ -194,20 +195,13 @@ def _reach(rho, mu, level):
 
 def _panel(rho, mu, low, high):
     """Gauss-Legendre (n,) over w = v - v(0) in [low, high]; dt = (1 + p^2 / v^2) / 2 dw, p the distance from the centre."""
-    nodes, weights = gauss_legendre(_ORDER)
+    nodes, weights = gauss_legendre(_ORDER, 0.0, 1.0)
     width = high - low
     w = low + nodes[:, None] * width
     v = w + rho * (1 + mu)
     gain = w * (w + 2 * rho * mu) / (2 * v)
     ratio = rho * np.sqrt((1 - mu) * (1 + mu)) / v
     return width * (weights @ (np.exp(-gain) * (0.5 + 0.5 * ratio * ratio)))
-
-
-@lru_cache(maxsize=64)
-def gauss_legendre(order):
-    """Nodes in [0, 1] and weights of sum 1."""
-    nodes, weights = np.polynomial.legendre.leggauss(order)
-    return nodes / 2 + 0.5, weights / 2
 
 
 # --- planet -------------------------------------------------------------------------------------------------
@@ -296,7 +290,7 @@ def ray_nodes(planet, radius, mu, low, high, order):
     the air is, whether the ray rises, descends to the ground, or grazes.
     """
     radius, mu, low, high = (np.asarray(x, dtype=np.float64) for x in (radius, mu, low, high))
-    nodes, weights = gauss_legendre(order)
+    nodes, weights = gauss_legendre(order, 0.0, 1.0)
     height = min(c.scale_height for c in planet.components)
     passing = radius * np.sqrt((1 - mu) * (1 + mu))
     hits = (mu < 0) & (passing < planet.radius)
@@ -427,8 +421,8 @@ class ScatteringTables:
         """Everything about the rays from one radius that the orders have in common."""
         planet = self.planet
         horizon = planet.horizon(radius)
-        up, up_weight = gauss_legendre(size)
-        down, down_weight = gauss_legendre(size // 2 + 2)
+        up, up_weight = gauss_legendre(size, 0.0, 1.0)
+        down, down_weight = gauss_legendre(size // 2 + 2, 0.0, 1.0)
         # Squared: the radiance is steep on both sides of the horizon.
         mu = np.concatenate([horizon + (1 - horizon) * up**2, horizon - (1 + horizon) * down**2])
         share = np.concatenate([2 * up * (1 - horizon) * up_weight, 2 * down * (1 + horizon) * down_weight])
@@ -549,7 +543,7 @@ class UniformScattering:
         radius = planet.radius + (planet.top - planet.radius) * self._altitude**2
         sun = np.linspace(-1, 1, 2 * size)
         sun = sun * np.abs(sun)
-        x, x_weight = gauss_legendre(8)
+        x, x_weight = gauss_legendre(8, 0.0, 1.0)
         turn = (np.arange(6) + 0.5) * np.pi / 6
         value, earlier = np.zeros((2, size, len(sun), 3))
         for i, r in reversed(list(enumerate(radius))):

@@ -21,10 +21,11 @@ from typing import NamedTuple
 import numpy as np
 
 from . import checks
+from .quadrature import gauss_legendre
 
 _DEPTHS_PER_SLICE = 4
 _OPAQUE = 1e290  # optical depth; sums of larger ones might overflow
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+_NODES, _WEIGHTS = gauss_legendre(4)
 
 
 class OpacityMap(NamedTuple):

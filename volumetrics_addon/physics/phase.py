@@ -21,14 +21,15 @@ Every function raises ValueError for NaN and for arguments out of range.
 import numpy as np
 
 from . import checks
+from .quadrature import gauss_legendre
 
 _ISOTROPIC = 1 / (4 * np.pi)
 
 # Gauss-Legendre on [0, 1]: 12 nodes integrate the entire functions below, over
 # an exponent of at most 1, to the last bit; 16 do so over panels of length 3.
-_NODES_12, _WEIGHTS_12 = (a / 2 for a in np.polynomial.legendre.leggauss(12))
+_NODES_12, _WEIGHTS_12 = gauss_legendre(12, -0.5, 0.5)
 _NODES_12 = _NODES_12 + 0.5
-_NODES_16, _WEIGHTS_16 = (a / 2 for a in np.polynomial.legendre.leggauss(16))
+_NODES_16, _WEIGHTS_16 = gauss_legendre(16, -0.5, 0.5)
 _NODES_16 = _NODES_16 + 0.5
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from . import checks, phase
+from .quadrature import gauss_legendre
 
 _MAX_STEPS = 300
 _STEPS_OF_ALL = 25
@@ -156,7 +157,7 @@ def _sphere_rule():
         width = min(2 * width, 0.1)
     ends = np.array(ends) * (np.pi / 2 / ends[-1])
     ends = np.concatenate([ends, np.pi - ends[-2::-1]])
-    nodes, weights = np.polynomial.legendre.leggauss(8)
+    nodes, weights = gauss_legendre(8)
     half = np.diff(ends)[:, np.newaxis] / 2
     theta = ((ends[1:] + ends[:-1])[:, np.newaxis] / 2 + half * nodes).ravel()[::-1]
     return np.cos(theta), (half * weights).ravel()[::-1] * np.sin(theta)

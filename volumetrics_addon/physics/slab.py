@@ -32,6 +32,7 @@ from typing import NamedTuple
 import numpy as np
 
 from . import checks, phase as phases
+from .quadrature import gauss_legendre
 
 # Optical thicknesses beyond these bounds act as infinite and as none.
 _THICKEST, _THINNEST = 1e100, 1e-100
@@ -189,10 +190,10 @@ def _moments(phase, last):
     """
     if not callable(phase):
         return _below_one(float(phases._asymmetry("phase as g", phase)) ** np.arange(last + 1))
-    nodes, weights = np.polynomial.legendre.leggauss(16 + last // 2)
+    nodes, weights = gauss_legendre(16 + last // 2, 0.0, 1.0)
     edges = np.concatenate([[0.0], 0.5 ** np.arange(_NARROWEST_EXPONENT, 0, -1)])
     width = np.diff(edges)[:, np.newaxis]
-    s, weight = edges[:-1, np.newaxis] + width * (nodes + 1) / 2, width * weights / 2
+    s, weight = edges[:-1, np.newaxis] + width * nodes, width * weights
     # The backward side is the mirror image, down to its axis: no phase function is singular there.
     c = np.concatenate([1 - 2 * s[1:].ravel(), 2 * s.ravel() - 1])
     weight = np.concatenate([weight[1:].ravel(), weight.ravel()])
@@ -261,10 +262,10 @@ def _directions(points, critical):
     nodes, weights = _gauss_through(points, 1.0)
     if critical == 0:
         return nodes, weights
-    below = np.polynomial.legendre.leggauss(points)
+    below = gauss_legendre(points, 0.0, critical)
     x, weight = _gauss_through(2 * points, 1.0)
-    return (np.concatenate([critical * (below[0] + 1) / 2, critical + (1 - critical) * x * x]),
-            np.concatenate([critical * below[1] / 2, (1 - critical) * 2 * x * weight]))
+    return (np.concatenate([below[0], critical + (1 - critical) * x * x]),
+            np.concatenate([below[1], (1 - critical) * 2 * x * weight]))
 
 
 # --- layer -------------------------------------------------------------------

@@ -26,11 +26,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import checks
+from .quadrature import gauss_legendre
 
 Array = np.ndarray
 
-_NODES, _WEIGHTS = (a / 2 for a in np.polynomial.legendre.leggauss(12))
-_NODES = _NODES + 0.5
+_NODES, _WEIGHTS = gauss_legendre(12, 0.0, 1.0)
 _MAX_DEPTH = 4.0  # optical depth over which twelve nodes keep twelve digits
 _MAX_CUTS = 10  # exp(-40) of the light comes from beyond
 _TILE = 1 << 13

@@ -85,6 +85,7 @@ class Froxels:
     def __init__(self, view: planet.View, scene: Scene, width: int, height: int, counts: tuple[int, int, int],
                  transmittance: TransmittanceTable, closure: UniformScattering | None):
         self._view, self._counts, self._size, self._sun = view, counts, (width, height), transmittance
+        self._camera = scene.camera
         self._closure = closure
         nx, ny, nz = counts
         x, y = np.meshgrid(np.linspace(0, width, nx + 1), np.linspace(0, height, ny + 1), indexing="ij")
@@ -127,9 +128,10 @@ class Froxels:
         single = self._sun(radius, mu_s)[:, None, :] * each
         return np.concatenate([single, closure[:, None, :]], axis=1), density @ body.extinction
 
-    def radiance(self, origin: Array, direction: Array, x: Array, y: Array) -> tuple[Array, int]:
-        """Radiance (n, 3) along rays through the raster positions x and y; the froxels were counted before."""
+    def radiance(self, origin: Array, direction: Array) -> tuple[Array, int]:
+        """Radiance (n, 3) along rays from the camera; the froxels were counted before."""
         rays = self._view.rays(origin, direction)
+        x, y = geometry.raster(self._camera, *self._size, direction)
         depth = np.clip((rays.near + rays.length - self._near) / (self._far - self._near), 0.0, 1.0)
         coordinates = tuple(value * count for value, count in
                             zip((x / self._size[0], y / self._size[1], np.sqrt(depth)), self._counts))

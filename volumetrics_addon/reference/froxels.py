@@ -58,8 +58,8 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: i
     def radiance(origin: Array, direction: Array, rng: np.random.Generator) -> tuple[Array, Array, int]:
         evaluations = 0 if grids.cache_info().currsize else sum(grid.evaluations for grid in grids())
         hit, index = marching.first_hit(scene, origin, direction)
-        x, y = marching.raster(scene.camera, width, height, direction)
-        depth = hit * (direction @ marching.view_axes(scene.camera)[2])
+        x, y = geometry.raster(scene.camera, width, height, direction)
+        depth = hit * (direction @ geometry.view_axes(scene.camera)[2])
         fine, coarse = (grid.at(x, y, depth) for grid in grids())
         column = marching.Column(*fine, *(np.abs(a - b) for a, b in zip(fine, coarse)))
         return *marching.composed(scene, origin, direction, hit, index, column, rng, light_steps), evaluations
@@ -85,7 +85,7 @@ class _Grid:
         self.tile, self.slices = tile, slices
         self.rows, self.columns = -(-height // tile), -(-width // tile)
         self.evaluations = self.rows * self.columns * slices * frames
-        forward = marching.view_axes(scene.camera)[2]
+        forward = geometry.view_axes(scene.camera)[2]
         ends = (marching.media_corners(scene) - np.array(scene.camera.position)) @ forward if scene.volumes else np.zeros(1)
         self.near = max(0.0, ends.min())
         self.far = max(self.near, ends.max())

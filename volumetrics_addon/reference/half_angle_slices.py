@@ -24,7 +24,6 @@ import numpy as np
 from ..scene import geometry
 from ..scene.model import ExponentialAltitude, Point, Projector, Scene, Spot, Sun, look_frame
 from . import marching, optics
-from .frame import render_rays
 from .result import Progress, Result
 
 Array = np.ndarray
@@ -75,21 +74,12 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: i
     sizes = ((slices, resolution), (marching.fewer(slices), max(2, resolution // 2)))
     buffers = cache(lambda: [[_Buffer(scene, light, *size, blur) for size in sizes] for light in lights])
 
-    def radiance(origin: Array, direction: Array, rng: np.random.Generator) -> tuple[Array, Array, int]:
-        hit, index = marching.first_hit(scene, origin, direction)
-        scattered, doubt = np.zeros((2, len(direction), 3))
-        evaluations = 0
-        for light, pair in zip(lights, buffers()):
-            value, error, count = _gathered(scene, light, *pair, origin, direction, hit)
-            scattered += value
-            doubt += error
-            evaluations += count
-        transmittance, dimming_doubt = marching.dimming(scene, origin, direction, hit, light_steps)
-        column = marching.Column(scattered, transmittance, doubt, dimming_doubt)
-        return *marching.composed(scene, origin, direction, hit, index, column, rng, light_steps), evaluations
+    def gather(origin: Array, direction: Array, hit: Array) -> tuple[Array, Array, int]:
+        return marching.summed((_gathered(scene, light, *pair, origin, direction, hit) for light, pair in zip(lights, buffers())),
+                               len(hit))
 
-    return render_rays("half_angle_slices", radiance, scene, width, height, repeats=repeats, strata=strata, seed=seed,
-                       random=max(scene.environment) > 0.0, progress=progress, tile=marching.rays_at_once(slices))
+    return marching.render_gathered("half_angle_slices", gather, scene, width, height, slices, light_steps, repeats=repeats,
+                                    strata=strata, seed=seed, progress=progress)
 
 
 def half_vector(view: Array, travel: Array) -> Array:
@@ -161,7 +151,7 @@ class _Buffer:
         ``grid`` (k,) are the rays' positions in [0, 1] across the buffer, along either side.
         """
         corners = marching.media_corners(scene)
-        view = marching.view_axes(scene.camera)[2]
+        view = geometry.view_axes(scene.camera)[2]
         center = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
         if isinstance(light, Point):
             offset = center - np.array(light.position)

@@ -23,7 +23,6 @@ from ..physics import projector
 from ..scene import geometry
 from ..scene.model import Projector, Scene, Spot, look_frame
 from . import marching, optics
-from .frame import render_rays
 from .result import Progress, Result
 
 Array = np.ndarray
@@ -58,21 +57,12 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: i
     marching.counted("slices", slices, "use 16 for a preview, 128 for a reference")
     marching.counted("light_steps", light_steps, "use 8 for a preview, 64 for a reference")
 
-    def radiance(origin: Array, direction: Array, rng: np.random.Generator) -> tuple[Array, Array, int]:
-        hit, index = marching.first_hit(scene, origin, direction)
-        scattered, doubt = np.zeros((2, len(direction), 3))
-        evaluations = 0
-        for light in scene.lights if scene.volumes else ():
-            value, error, count = _beam(scene, light, slices, origin, direction, hit, light_steps)
-            scattered += value
-            doubt += error
-            evaluations += count
-        transmittance, dimming_doubt = marching.dimming(scene, origin, direction, hit, light_steps)
-        column = marching.Column(scattered, transmittance, doubt, dimming_doubt)
-        return *marching.composed(scene, origin, direction, hit, index, column, rng, light_steps), evaluations
+    def gather(origin: Array, direction: Array, hit: Array) -> tuple[Array, Array, int]:
+        lights = scene.lights if scene.volumes else ()
+        return marching.summed((_beam(scene, light, slices, origin, direction, hit, light_steps) for light in lights), len(hit))
 
-    return render_rays("light_slices", radiance, scene, width, height, repeats=repeats, strata=strata, seed=seed,
-                       random=max(scene.environment) > 0.0, progress=progress, tile=marching.rays_at_once(slices))
+    return marching.render_gathered("light_slices", gather, scene, width, height, slices, light_steps, repeats=repeats,
+                                    strata=strata, seed=seed, progress=progress)
 
 
 def frustum_corners(light: Spot | Projector, reach: float) -> Array:
@@ -94,7 +84,7 @@ def frustum_corners(light: Spot | Projector, reach: float) -> Array:
 
 def _depths(scene: Scene, light: Spot | Projector) -> tuple[float, float]:
     """Nearest and farthest depth along the view axis of what the light can reach of the media."""
-    forward = marching.view_axes(scene.camera)[2]
+    forward = geometry.view_axes(scene.camera)[2]
     media = marching.media_corners(scene)
     ends = np.array(scene.camera.position) @ forward
     low, high = (f(media @ forward) - ends for f in (np.min, np.max))
@@ -120,7 +110,7 @@ def _beam(scene: Scene, light: Spot | Projector, slices: int, origin: Array, dir
     """Light (n, 3) scattered from one frustum into the rays, its doubt (n, 3) and the number of samples."""
     near, far = marching.media_interval(scene, origin, direction, hit)
     entry, leave = _lit_interval(light, origin, direction)
-    forward = marching.view_axes(scene.camera)[2]
+    forward = geometry.view_axes(scene.camera)[2]
     planes = np.linspace(*_depths(scene, light), slices + 1) + np.array(scene.camera.position) @ forward
     cut = marching.slabs(origin, direction, np.maximum(entry, near), np.minimum(leave, far), forward, planes)
     d = direction[cut.ray]

@@ -13,7 +13,7 @@ order at the edges of shadows and of light cones.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -22,9 +22,10 @@ import numpy as np
 
 from ..physics import phase as phase_functions
 from ..scene import geometry
-from ..scene.model import AnyPhase, Box, Camera, Cone, Ellipsoid, Phase, Scene, Shape, Volume, look_frame
+from ..scene.model import AnyPhase, Box, Cone, Ellipsoid, Phase, Scene, Shape, Volume, look_frame
 from . import optics, single_scattering
-from .frame import TILE
+from .frame import TILE, render_rays
+from .result import Progress, Result
 
 Array = np.ndarray
 
@@ -300,6 +301,34 @@ def dimming(scene: Scene, origin: Array, direction: Array, hit: Array, light_ste
     return value, np.abs(value - np.exp(-optical_depth(scene, origin, direction, hit, fewer(light_steps))))
 
 
+def render_gathered(name: str, gather: Callable, scene: Scene, width: int, height: int, slices: int, light_steps: int, *,
+                    repeats: int, strata: int, seed: int, progress: Progress | None) -> Result:
+    """Image of techniques that gather each light on their own and leave the dimming of what lies behind to ``dimming``.
+
+    ``gather`` maps origins, directions (n, 3) and the distances (n,) to the surfaces to the light (n, 3) that all lights
+    scatter into the rays, its doubt (n, 3) and the number of samples; ``slices`` of them a ray bound the tiles.
+    """
+    def radiance(origin: Array, direction: Array, rng: np.random.Generator) -> tuple[Array, Array, int]:
+        hit, index = first_hit(scene, origin, direction)
+        scattered, doubt, evaluations = gather(origin, direction, hit)
+        transmittance, dimming_doubt = dimming(scene, origin, direction, hit, light_steps)
+        column = Column(scattered, transmittance, doubt, dimming_doubt)
+        return *composed(scene, origin, direction, hit, index, column, rng, light_steps), evaluations
+
+    return render_rays(name, radiance, scene, width, height, repeats=repeats, strata=strata, seed=seed,
+                       random=max(scene.environment) > 0.0, progress=progress, tile=rays_at_once(slices))
+
+
+def summed(parts: Iterable[tuple[Array, Array, int]], rays: int) -> tuple[Array, Array, int]:
+    """Sum of light, doubt (rays, 3) each and samples over the lights."""
+    scattered, doubt, evaluations = np.zeros((rays, 3)), np.zeros((rays, 3)), 0
+    for value, error, count in parts:
+        scattered += value
+        doubt += error
+        evaluations += count
+    return scattered, doubt, evaluations
+
+
 class Slabs(NamedTuple):
     """Pieces of rays between planes: the ray and slab of each (m,), the distances (m,) of its middle and its length."""
 
@@ -330,19 +359,6 @@ def first_hit(scene: Scene, origin: Array, direction: Array) -> tuple[Array, Arr
 
 
 # --- screen and grids ---------------------------------------------------------------------------------------
-
-
-def view_axes(camera: Camera) -> Array:
-    """Rows: right, up and forward of the camera."""
-    right, up, back = look_frame(camera.direction)
-    return np.array((right, up, tuple(-x for x in back)))
-
-
-def raster(camera: Camera, width: int, height: int, direction: Array) -> tuple[Array, Array]:
-    """Raster positions x, y (n,) of directions in front of the camera: the inverse of ``geometry.camera_rays``."""
-    x, y, z = view_axes(camera) @ direction.T
-    pixel = 2.0 * np.tan(camera.field_of_view / 2.0) / width
-    return width / 2.0 + x / z / pixel, height / 2.0 - y / z / pixel
 
 
 def corners(shape: Shape) -> Array:

@@ -18,12 +18,11 @@ from ..scene.model import Camera, look_frame
 from .path_scene import (
     ALBEDO, ALTITUDE, APEX, AXES, AXIS, BOX, CELLS, CENTER, COLOR, COS2, DARK, DENSITY, ELLIPSOID, EMISSION, ENVIRONMENT,
     EPSILON, FULL, HALF, HEIGHT, HOMOGENEOUS, LAYER, LENGTH, LIGHT, LIGHTS, LOW, MEAN, MIE, NOISE, PARAMETERS, PHASE,
-    POSITION, RAYLEIGH, SIGMA_S, SIGMA_T, SIZE, SUN, SURFACE, SURFACES, TOWARD, VOLUME, VOLUMES, VOXELS,
+    POSITION, RAYLEIGH, ROULETTE_START, ROULETTE_THRESHOLD, SIGMA_S, SIGMA_T, SIZE, SUN, SURFACE, SURFACES, TOWARD,
+    VOLUME, VOLUMES, VOXELS,
 )
 
 INF = math.inf
-ROULETTE_START = 16
-ROULETTE_THRESHOLD = 0.1
 TRACKING_THRESHOLD = 0.1  # transmittances below it are followed on with a chance in proportion
 SPAN, ROW = 3, 6  # numbers of a path's workspace for each volume and each light
 CHUNKS = 64  # work items of a parallel loop; the pixels are dealt out to them in turn

@@ -25,6 +25,10 @@ BOX, ELLIPSOID, CONE = range(3)
 HOMOGENEOUS, HEIGHT, ALTITUDE, NOISE, GRID = range(5)
 TWO_LOBES, RAYLEIGH, MIE = range(3)
 
+# Of both twins: from this order of scattering on, paths below this weight end by chance.
+ROULETTE_START = 16
+ROULETTE_THRESHOLD = 0.1
+
 RESOLUTION = 32  # majorant cells along the longest side of a domain
 PROBES = 3  # noise is probed at this many points along each side of a cell
 PROBE_MARGIN = 1.5  # times the largest error of interpolation between probes, added to the bounds

@@ -26,6 +26,7 @@ import numpy as np
 from ..scene import geometry
 from ..scene.model import ExponentialAltitude, ExponentialHeight, Grid, Projector, Scene, Spot, Sun, Volume
 from . import optics, path_scene
+from .path_scene import ROULETTE_START, ROULETTE_THRESHOLD
 from .result import Accumulator, Progress, Result, subpixels
 
 Array = np.ndarray
@@ -34,8 +35,6 @@ BIAS = "None: unbiased up to the scene's orders of scattering."
 SETTINGS = tuple({"samples": 4**exponent} for exponent in range(6))
 
 KERNELS = ("numba", "numpy")
-ROULETTE_START = 16
-ROULETTE_THRESHOLD = 0.1
 BATCH = 1 << 15
 MOST_FLIGHTS = 1e9  # free flights of a path that the NumPy twin takes on
 BATCH_SECONDS = 0.25  # of compiled work between two looks at progress and interrupts

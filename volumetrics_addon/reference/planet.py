@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..physics.atmosphere import Component, Planet, ground_distance, ray_nodes
 from ..scene import geometry
 from ..scene.model import Ellipsoid, ExponentialAltitude, Scene, Sun, Surface
 from . import optics
+from .frame import render_rays
 from .result import Progress, Result, subpixels
 
 Array = np.ndarray
@@ -158,41 +159,22 @@ def required_view(scene: Scene, name: str) -> View:
 def image(scene: Scene, width: int, height: int, name: str, value: Callable, coarse: Callable, *, repeats: int, strata: int,
           seed: int, progress: Progress | None, missing: Array | float = 0.0, prepared: int = 0,
           started: float | None = None) -> Result:
-    """The Result of an integrator that is deterministic along a ray.
+    """The Result of an integrator that is deterministic along a ray, by ``frame.render_rays``.
 
-    ``value`` maps origins, directions (n, 3) and raster positions x, y (n,) to radiance (n, 3) and a number of
-    evaluations; ``coarse`` is the same at half the resolution, and its difference the error estimate of each pixel, to
-    which the standard error of jittered repeats adds. ``strata`` 0: one image, one ray through each pixel's centre.
-    ``missing`` is the share of the radiance, per channel, known to be left out, and part of the estimate; ``prepared``
-    counts the evaluations and ``started`` is the time of the preparations.
+    ``value`` maps origins and directions (n, 3) to radiance (n, 3) and a number of evaluations; ``coarse`` is the same at
+    half the resolution, and its difference the error stated for each ray. ``missing`` is the share of the radiance, per
+    channel, known to be left out, and added to that; ``prepared`` counts the evaluations and ``started`` is the time of the
+    preparations.
     """
     started = time.perf_counter() if started is None else started
-    rng = np.random.default_rng(seed)
-    images, evaluations, doubt = [], prepared, np.zeros((height * width, 3))
-    repeats = repeats if strata else 1
-    for repeat in range(repeats):
-        total = np.zeros((height * width, 3))
-        cells = list(subpixels(width, height, strata, rng))
-        for number, (x, y) in enumerate(cells):
-            origin, direction = geometry.camera_rays(scene.camera, width, height, x, y)
-            for start in range(0, len(x), TILE):
-                tile = slice(start, start + TILE)
-                ray = origin[tile], direction[tile], x[tile], y[tile]
-                radiance, count = value(*ray)
-                total[tile] += radiance
-                evaluations += count
-                if repeat == 0 and number == 0:
-                    rough, count = coarse(*ray)
-                    doubt[tile] = np.abs(radiance - rough)
-                    evaluations += count
-        images.append(total.reshape(height, width, 3) / len(cells))
-        if progress:
-            progress((repeat + 1) / repeats)
-    stack = np.stack(images)
-    mean = stack.mean(axis=0)
-    doubt = doubt.reshape(mean.shape) + missing * mean
-    noise = 0.0 if not strata else stack.std(axis=0, ddof=1) / np.sqrt(repeats) if repeats > 1 else np.inf
-    return Result(mean, np.hypot(doubt, noise), evaluations, time.perf_counter() - started, float(doubt.mean()), name, stack)
+
+    def stated(origin: Array, direction: Array, rng: np.random.Generator) -> tuple[Array, Array, int]:
+        (radiance, count), (rough, more) = value(origin, direction), coarse(origin, direction)
+        return radiance, np.abs(radiance - rough) + missing * radiance, count + more
+
+    result = render_rays(name, stated, scene, width, height, repeats=repeats, strata=strata, seed=seed, random=False,
+                         progress=progress, tile=TILE)
+    return replace(result, evaluations=result.evaluations + prepared, seconds=time.perf_counter() - started)
 
 
 def centres(width: int, height: int) -> tuple[Array, Array]:

@@ -51,7 +51,7 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 1, strata: i
     view = planet.required_view(scene, "preetham_sky")
     chosen = turbidity_of(scene) if turbidity is None else turbidity
 
-    def value(origin: Array, direction: Array, x: Array, y: Array) -> tuple[Array, int]:
+    def value(origin: Array, direction: Array) -> tuple[Array, int]:
         return radiance(view, chosen, origin, direction)
 
     return planet.image(scene, width, height, "preetham_sky", value, value, repeats=repeats, strata=strata, seed=seed,

@@ -50,7 +50,7 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: i
     def radiance(origin: Array, direction: Array, rng: np.random.Generator) -> tuple[Array, Array, int]:
         evaluations = 0 if samples.cache_info().currsize else steps * samples().depth.size
         hit, index = marching.first_hit(scene, origin, direction)
-        x, y = marching.raster(scene.camera, width, height, direction)
+        x, y = geometry.raster(scene.camera, width, height, direction)
         column = samples().at(x, y, hit)
         return *marching.composed(scene, origin, direction, hit, index, column, rng, light_steps), evaluations
 

@@ -13,11 +13,10 @@ per ray: its weight is a transmittance, so its variance is small and is part of 
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from ..physics.projector import projector_breaks, projector_interval
+from ..physics.quadrature import gauss_legendre
 from ..scene import geometry
 from ..scene.model import Box, ExponentialHeight, Homogeneous, Projector, Scene, Spot, Sun
 from . import optics
@@ -169,12 +168,6 @@ def in_scattering(scene: Scene, origin: Array, direction: Array, hit: Array, ord
                 value[:, channel] += np.bincount(ray, sums[:, channel], len(value))
             evaluations += order * len(ray)
     return value, evaluations
-
-
-@lru_cache(maxsize=64)
-def gauss_legendre(order: int) -> tuple[Array, Array]:
-    """Nodes and weights of Gauss' rule on [-1, 1]."""
-    return np.polynomial.legendre.leggauss(order)
 
 
 def _integrate(scene: Scene, light, volume, origin: Array, direction: Array, low: Array, high: Array, nodes: Array,

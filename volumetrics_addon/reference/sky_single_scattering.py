@@ -43,8 +43,8 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 1, strata: i
     started = time.perf_counter()
     view = planet.required_view(scene, "sky_single_scattering")
     missing = missing_orders(view, scene, width, height, 1)
-    return planet.image(scene, width, height, "sky_single_scattering", lambda o, d, x, y: radiance(view, o, d, order),
-                        lambda o, d, x, y: radiance(view, o, d, 3 * order // 4), repeats=repeats, strata=strata, seed=seed,
+    return planet.image(scene, width, height, "sky_single_scattering", lambda o, d: radiance(view, o, d, order),
+                        lambda o, d: radiance(view, o, d, 3 * order // 4), repeats=repeats, strata=strata, seed=seed,
                         progress=progress, missing=missing, started=started)
 
 

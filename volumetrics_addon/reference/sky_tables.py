@@ -57,8 +57,8 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 1, strata: i
     fine = _tables(view, kept, resolution)
     rough = _tables(view, kept, max(4, resolution // 2))
     missing = missing_orders(view, scene, width, height, kept)
-    return planet.image(scene, width, height, "sky_tables", lambda o, d, x, y: radiance(view, fine, o, d, order),
-                        lambda o, d, x, y: radiance(view, rough, o, d, order // 2), repeats=repeats, strata=strata,
+    return planet.image(scene, width, height, "sky_tables", lambda o, d: radiance(view, fine, o, d, order),
+                        lambda o, d: radiance(view, rough, o, d, order // 2), repeats=repeats, strata=strata,
                         seed=seed, progress=progress, missing=missing, started=started)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .model import Box, Camera, Cone, Ellipsoid, Shape, Surface, look_frame
+from .model import Box, Camera, Cone, Ellipsoid, Shape, Surface, look_frame, scaled
 
 Array = np.ndarray
 
@@ -25,6 +25,19 @@ def camera_rays(camera: Camera, width: int, height: int, x: Array, y: Array) -> 
     for k in range(3):
         direction[:, k] = offset_x * right[k] + offset_y * up[k] - inverse * back[k]
     return np.broadcast_to(np.array(camera.position), direction.shape), direction
+
+
+def view_axes(camera: Camera) -> Array:
+    """Rows: right, up and forward of the camera."""
+    right, up, back = look_frame(camera.direction)
+    return np.array((right, up, scaled(back, -1.0)))
+
+
+def raster(camera: Camera, width: int, height: int, direction: Array) -> tuple[Array, Array]:
+    """Raster positions x, y (n,) of directions (n, 3) in front of the camera: the inverse of ``camera_rays``."""
+    x, y, z = view_axes(camera) @ direction.T
+    pixel = 2.0 * np.tan(camera.field_of_view / 2.0) / width
+    return width / 2.0 + x / z / pixel, height / 2.0 - y / z / pixel
 
 
 def _local(shape: Box | Ellipsoid, origin: Array, direction: Array) -> tuple[Array, Array]:
