@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .blender import render
+from .blender import compat, render
 from .blender.text import text_mask
 from .compare.png import write_png
 from .compare.report import report_picture
@@ -20,7 +20,7 @@ from .plan.model import CYCLES, EEVEE
 from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
-from .scene.model import Scene
+from .scene.model import Phase, Scene
 
 # Default tolerances of the mean relative error; EEVEE approximates, so its error is stated and by default not judged.
 TOLERANCE = {CYCLES: 0.005, EEVEE: None}
@@ -76,7 +76,8 @@ class Verification:
 
 
 def scene_of(preset: Preset) -> Scene:
-    return assemble.scene(preset.family, preset.parameters, preset.stage, preset.props)
+    """The preset's Scene, with the noise of this Blender."""
+    return compat.as_evaluated(assemble.scene(preset.family, preset.parameters, preset.stage, preset.props))
 
 
 def image_size(preset: Preset, size: int) -> tuple[int, int]:
@@ -124,8 +125,8 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
         notes.append("EEVEE stores the medium in froxels of 11-bit floats and marches shadows through them")
         if scene.orders > 1:
             notes.append(f"EEVEE scatters once where the scene follows {scene.orders} orders")
-        if any(volume.medium.phase.weight > 0.0 for volume in scene.volumes):
-            notes.append("EEVEE has one HG lobe, here the mean cosine of two")
+        if any(not isinstance(v.medium.phase, Phase) or v.medium.phase.weight > 0.0 for v in scene.volumes):
+            notes.append("EEVEE has one HG lobe, here with the mean cosine of the phase function")
         if scene.surfaces:
             notes.append("EEVEE does not dim the light that reaches surfaces through the medium")
         if max(scene.environment) > 0.0:

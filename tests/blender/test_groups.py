@@ -62,6 +62,7 @@ def describe(tree):
 def variants():
     yield "cloud-homogeneous-hg", "cloud", {"density": "homogeneous", "phase": "hg"}, "mist"
     yield "cloud-noise-dual", "cloud", {}, "cumulus"
+    yield "cloud-billows-mie", "cloud", {"billow_octaves": 3, "base": 0.1, "profile": "anvil", "phase": "mie"}, "storm"
     yield "fog", "fog", {}, "fog"
     yield "godray", "godray", {}, "beam"
     yield "glass-sphere", "glass", {}, "ball"

@@ -27,7 +27,7 @@ DECLARED = [pytest.param(group, parameter, id=f"{group.name}.{parameter.name}")
             for group in GROUPS for parameter in group.parameters]
 
 # Ratios, cosines and exponents: no unit belongs to them.
-DIMENSIONLESS = {"g", "g_back", "lobe_weight", "noise_detail", "noise_roughness", "noise_strength", "fill", "softness",
+DIMENSIONLESS = {"base", "billow_strength", "billow_roughness", "stretch", "evolution", "g", "g_back", "lobe_weight", "noise_detail", "noise_roughness", "noise_strength", "fill", "softness",
                  "cutoff", "ior", "blend", "blocker_fill", "aspect"}
 
 HUGE = 10**400  # beyond float

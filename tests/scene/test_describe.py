@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import pytest
 
+from volumetrics_addon.parameters.families import FAMILIES
 from volumetrics_addon.parameters.preset import load, names
 from volumetrics_addon.scene import assemble
 from volumetrics_addon.scene.describe import describe, describe_scene
-from volumetrics_addon.scene.model import Box, Camera, Grid, Medium, Phase, Projector, RayleighPhase, Scene, Volume
+from volumetrics_addon.scene.model import Box, Camera, Grid, Medium, MiePhase, Phase, Projector, RayleighPhase, Scene, Volume
 
 BOX = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 
@@ -38,9 +39,20 @@ def test_inverse_of_assembly(name):
         again, = assemble.ASSEMBLERS[family](placed, assemble.Bounds([(0.0, 0.0, 0.0)])).volumes
         for mine, other in ((again.medium.sigma_s, volume.medium.sigma_s), (again.medium.sigma_a, volume.medium.sigma_a)):
             assert close(mine, other)
-        assert again.medium.phase.mean_cosine == volume.medium.phase.mean_cosine
+        assert again.medium.phase == volume.medium.phase
         assert again.medium.density == volume.medium.density
         assert again.boundary == volume.boundary
+
+
+def test_droplets_and_billows_come_back():
+    values = FAMILIES["cloud"].check({"phase": "mie", "droplet_diameter": 7.5, "profile": "anvil", "billow_octaves": 4,
+                                      "billow_size": 3.0, "billow_strength": 0.7, "billow_roughness": 0.4, "base": 0.1,
+                                      "stretch": 2.0, "wind": (1.0, 2.0, 3.0), "time": 5.0, "evolution": 0.25})
+    volume, = assemble.cloud(values).volumes
+    assert volume.medium.phase == MiePhase(7.5) and volume.medium.density.drift == (5.0, 10.0, 15.0)
+    family, described = describe(volume)
+    again, = assemble.cloud(described | {key: values[key] for key in ("location", "size", "domain")}).volumes
+    assert family == "cloud" and again == volume
 
 
 @pytest.mark.parametrize("medium", [

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
+
+from ..scene.model import NoiseShape, Scene
 
 OLDEST = (4, 5, 0)
 
@@ -21,11 +23,12 @@ class Version:
     use_nodes: bool  # materials, worlds and lights have to be told to use nodes
     homogeneous_flag: bool  # materials declare a homogeneous volume; later versions find out by themselves
     volume_biased: bool  # ray marching is an option beside unbiased null-scattering; before, it is the only way
+    cell_hash: str  # random points of the Voronoi texture, see scene.model.NoiseShape
 
 
 TABLE = (
-    Version((4, 5, 0), "BLENDER_EEVEE_NEXT", (("file_format", "OPEN_EXR"),), True, True, False),
-    Version((5, 0, 0), "BLENDER_EEVEE", (("media_type", "IMAGE"), ("file_format", "OPEN_EXR")), False, False, True),
+    Version((4, 5, 0), "BLENDER_EEVEE_NEXT", (("file_format", "OPEN_EXR"),), True, True, False, "lookup3"),
+    Version((5, 0, 0), "BLENDER_EEVEE", (("media_type", "IMAGE"), ("file_format", "OPEN_EXR")), False, False, True, "pcg3d"),
 )
 
 
@@ -55,3 +58,14 @@ def select_exr(image_settings: Any) -> None:
     image_settings.color_mode = "RGB"
     image_settings.color_depth = "32"
     image_settings.exr_codec = "ZIP"
+
+
+def as_evaluated(scene: Scene) -> Scene:
+    """The Scene with the random points that this Blender's textures have."""
+    def adapted(volume):
+        density = volume.medium.density
+        if not isinstance(density, NoiseShape):
+            return volume
+        return replace(volume, medium=replace(volume.medium, density=replace(density, cell_hash=current().cell_hash)))
+
+    return replace(scene, volumes=tuple(adapted(volume) for volume in scene.volumes))

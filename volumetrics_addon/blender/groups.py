@@ -16,12 +16,15 @@ import bpy
 
 from ..parameters.families import FAMILIES
 from ..scene.model import Box, Ellipsoid, Shape
-from ..scene.noise import SEED_PERIOD, SEED_STEP
+from ..scene import noise
 from .compat import use_nodes
 from .nodes import Tree, add_input, arrange, socket_of, socket_value
 
 Sockets = Mapping[str, bpy.types.NodeSocket]
 Outputs = dict[str, bpy.types.NodeSocket]
+
+# Mean cosine of the droplets' phase function as a polynomial in ln(diameter / um), within 2e-4 from 5 to 50 um.
+MIE_MEAN_COSINE = (-0.00565461, 0.05183491, 0.77477403)
 
 ENGINES = {"Cycles": "CYCLES", "EEVEE": "EEVEE"}  # output prefix -> target of the material output
 
@@ -99,19 +102,96 @@ def _two_lobes(build: Tree, albedo: Any, extinction: Any, g0: Any, g1: Any, weig
     }
 
 
-def _noise_density(build: Tree, inputs: Sockets, shape: Box | Ellipsoid) -> bpy.types.NodeSocket:
+def _droplets(build: Tree, albedo: Any, extinction: Any, diameter: Any) -> Outputs:
+    def fit() -> bpy.types.NodeSocket:
+        node = build.node("ShaderNodeVolumeScatter", {"Color": albedo, "Density": extinction}, phase="MIE")
+        build.feed(socket_of(node.inputs, "Diameter"), diameter)
+        return node.outputs[0]
+
+    log = build.math("LOGARITHM", diameter, math.e)
+    square, slope, constant = MIE_MEAN_COSINE
+    mean = build.math("MULTIPLY_ADD", build.math("MULTIPLY_ADD", log, square, slope), log, constant)
+    return {
+        "Cycles Volume": _absorb_and_scatter(build, albedo, extinction, fit),
+        "EEVEE Volume": _absorb_and_scatter(build, albedo, extinction, lambda: _scatter(build, albedo, extinction, mean)),
+    }
+
+
+def _noise_density(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Box | Ellipsoid) -> bpy.types.NodeSocket:
     """scene.model.NoiseShape as nodes; object coordinates are metres from the domain's centre."""
     position = socket_of(build.node("ShaderNodeTexCoord").outputs, "Object")
-    radius = build.scalar("LENGTH", build.vector("DIVIDE", position, shape.half))
-    offset = build.vector("MODULO", build.scale(SEED_STEP, inputs["seed"]), (SEED_PERIOD,) * 3)
-    scaled = build.scale(position, build.math("DIVIDE", 1.0, inputs["noise_size"]))
-    noise = build.node("ShaderNodeTexNoise", {
-        "Vector": build.vector("ADD", scaled, offset), "Scale": 1.0, "Detail": inputs["noise_detail"],
+    local = build.components(build.vector("DIVIDE", position, shape.half))
+    moved = build.vector("SUBTRACT", position, build.scale(inputs["wind"], inputs["time"]))
+    moved = build.vector("DIVIDE", moved, build.combine(inputs["stretch"], 1.0, 1.0))
+    offset = build.vector("MODULO", build.scale(noise.SEED_STEP, inputs["seed"]), (noise.SEED_PERIOD,) * 3)
+
+    def coordinates(size: bpy.types.NodeSocket, rise: float) -> bpy.types.NodeSocket:
+        lifted = build.combine(0.0, 0.0, build.math("MULTIPLY", inputs["evolution"], -rise))
+        scaled = build.scale(moved, build.math("DIVIDE", 1.0, size))
+        return build.vector("ADD", build.vector("ADD", scaled, offset), lifted)
+
+    perlin = build.node("ShaderNodeTexNoise", {
+        "Vector": coordinates(inputs["noise_size"], noise.EVOLUTION_RISE), "Scale": 1.0, "Detail": inputs["noise_detail"],
         "Roughness": inputs["noise_roughness"], "Lacunarity": 2.0, "Distortion": 0.0,
     }, noise_dimensions="3D", noise_type="FBM", normalize=True)
-    centred = build.math("MULTIPLY_ADD", noise.outputs[0], 2.0, -1.0)
-    carved = build.math("MULTIPLY_ADD", inputs["noise_strength"], centred, build.math("SUBTRACT", inputs["fill"], radius))
-    return build.math("DIVIDE", carved, inputs["softness"], clamp=True)
+    centred = build.math("MULTIPLY_ADD", perlin.outputs[0], 2.0, -1.0)
+    body = build.math("SUBTRACT", inputs["fill"], _outline(build, values["profile"], *local))
+    margin = build.math("MULTIPLY_ADD", inputs["noise_strength"], centred, body)
+    if values["billow_octaves"] > 0:
+        bulge = _billows(build, coordinates(inputs["billow_size"], noise.BILLOW_RISE), values["billow_octaves"],
+                         inputs["billow_roughness"])
+        margin = build.math("MULTIPLY_ADD", inputs["billow_strength"], bulge, margin)
+    density = build.math("DIVIDE", margin, inputs["softness"], clamp=True)
+    if values["base"] > 0.0:
+        up = build.math("MULTIPLY_ADD", local[2], 0.5, 0.5)
+        floor = build.node("ShaderNodeMapRange", {"Value": up, "From Min": 0.0, "From Max": values["base"]},
+                           interpolation_type="SMOOTHSTEP")
+        density = build.math("MULTIPLY", density, floor.outputs[0])
+    return density
+
+
+def _outline(build: Tree, profile: str, x: Any, y: Any, z: Any) -> bpy.types.NodeSocket:
+    """NoiseShape's distance from the middle of the body."""
+    def power(value: Any, exponent: float) -> bpy.types.NodeSocket:
+        return build.math("POWER", value, exponent)
+
+    def root_of_sum(*terms: Any, exponent: float = 0.5) -> bpy.types.NodeSocket:
+        return power(build.math("ADD", *terms), exponent)
+
+    across = build.math("MULTIPLY_ADD", x, x, build.math("MULTIPLY", y, y))
+    if profile in ("round", "layer"):
+        flat = across if profile == "round" else power(across, 4.0)
+        return root_of_sum(flat, build.math("MULTIPLY", z, z))
+    up = build.math("MULTIPLY_ADD", z, 0.5, 0.5)
+    if profile == "dome":
+        return root_of_sum(across, build.math("MULTIPLY", up, up))
+    narrow = across if profile == "tower" else build.math("DIVIDE", across, noise.COLUMN_WIDTH**2)
+    column = root_of_sum(build.math("MULTIPLY", narrow, narrow), power(up, 4.0), exponent=0.25)
+    if profile == "tower":
+        return column
+    level = build.math("DIVIDE", build.math("SUBTRACT", up, noise.ANVIL_HEIGHT), noise.ANVIL_THICKNESS)
+    return build.math("MINIMUM", column, root_of_sum(across, build.math("MULTIPLY", level, level)))
+
+
+def _billows(build: Tree, coordinates: Any, octaves: int, roughness: Any) -> bpy.types.NodeSocket:
+    """NoiseShape's b: one texture an octave, since the texture's own octaves add distances, whose cones have tips."""
+    total: Any = None
+    weight: Any = 1.0
+    weights: Any = 0.0
+    for octave in range(octaves):
+        cells = build.node("ShaderNodeTexVoronoi", {"Vector": coordinates, "Scale": 2.0**octave, "Detail": 0.0,
+                                                    "Randomness": 1.0},
+                           voronoi_dimensions="3D", feature="F1", distance="EUCLIDEAN", normalize=False)
+        distance = socket_of(cells.outputs, "Distance")
+        squared = build.math("MULTIPLY", distance, distance)
+        if octave == 0:
+            total, weights = squared, 1.0
+        else:
+            weight = build.math("MULTIPLY", weight, roughness) if octave > 1 else roughness
+            total = build.math("MULTIPLY_ADD", weight, squared, total)
+            weights = build.math("ADD", weights, weight)
+    mean = build.math("DIVIDE", total, weights) if octaves > 1 else total
+    return build.math("SUBTRACT", noise.BILLOW_MEAN, mean)
 
 
 # --- families -----------------------------------------------------------------------------------------------
@@ -120,7 +200,9 @@ def _noise_density(build: Tree, inputs: Sockets, shape: Box | Ellipsoid) -> bpy.
 def _cloud(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) -> Outputs:
     extinction = inputs["extinction"]
     if values["density"] == "noise":
-        extinction = build.math("MULTIPLY", extinction, _noise_density(build, inputs, shape))
+        extinction = build.math("MULTIPLY", extinction, _noise_density(build, inputs, values, shape))
+    if values["phase"] == "mie":
+        return _droplets(build, inputs["albedo"], extinction, inputs["droplet_diameter"])
     if values["phase"] == "hg":
         return _one_lobe(build, inputs["albedo"], extinction, inputs["g"])
     return _two_lobes(build, inputs["albedo"], extinction, inputs["g"], inputs["g_back"], inputs["lobe_weight"])

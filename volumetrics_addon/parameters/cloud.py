@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cloud: a scattering medium in an ellipsoid or a box, homogeneous or shaped by noise."""
+"""Cloud: a scattering medium in an ellipsoid or a box, homogeneous or shaped by noise and billows."""
 
 from .model import Group, Parameter
 from .shared import ALBEDO, EXTINCTION, G, LOCATION, SIZE, having
 
 CLOUD = Group(
-    "cloud", "Cloud", "Scattering medium with one or two Henyey-Greenstein lobes, homogeneous or noise-shaped.",
+    "cloud", "Cloud", "Scattering medium of water droplets or with Henyey-Greenstein lobes, homogeneous or noise-shaped.",
     (
         LOCATION,
         having(SIZE, (200.0, 200.0, 100.0)),
@@ -14,15 +14,26 @@ CLOUD = Group(
         EXTINCTION,
         having(ALBEDO, (0.999, 0.999, 0.999)),
         Parameter("phase", "choice", "dual_hg", "Phase function. EEVEE has one lobe and gets the mean cosine of both.",
-                  choices=(("hg", "One HG lobe"), ("dual_hg", "Two HG lobes"))),
+                  choices=(("hg", "One HG lobe"), ("dual_hg", "Two HG lobes"), ("mie", "Water droplets"))),
         having(G, 0.8),
         Parameter("g_back", "float", -0.2, "Mean cosine of the second lobe.", title="Second anisotropy",
                   minimum=-0.999, maximum=0.999, live=True),
         Parameter("lobe_weight", "float", 0.2, "Share of the second lobe: (1 - weight) HG(g) + weight HG(g_back).",
                   minimum=0.0, maximum=1.0, live=True),
+        Parameter("droplet_diameter", "float", 12.0, "Diameter of the water droplets: fog and young clouds have small ones, which "
+                  "scatter a little less sharply.", unit="um", minimum=5.0, maximum=50.0, live=True),
         Parameter("density", "choice", "noise", "Density inside the domain.",
                   choices=(("homogeneous", "Homogeneous"), ("noise", "Noise"))),
-        Parameter("noise_size", "float", 60.0, "Size of the largest billows.",
+        Parameter("profile", "choice", "round", "Shape of the body that the noise is cut from.",
+                  choices=(("round", "Round"), ("dome", "Dome on a flat floor"), ("tower", "Tower on a flat floor"),
+                           ("anvil", "Tower under an anvil"), ("layer", "Flat layer"))),
+        Parameter("fill", "float", 0.5, "How much of the domain is filled: raises the density everywhere.", title="Coverage",
+                  minimum=-1.0, maximum=2.0, soft_minimum=0.0, soft_maximum=1.0, live=True),
+        Parameter("softness", "float", 0.25, "Width of the transition from clear air to full density; small is crisp.",
+                  minimum=0.01, maximum=4.0, soft_maximum=1.0, live=True),
+        Parameter("base", "float", 0.0, "Share of the height over which the density rises from a flat floor; 0: no floor.",
+                  title="Flat base", minimum=0.0, maximum=1.0, soft_maximum=0.3),
+        Parameter("noise_size", "float", 60.0, "Size of the largest features of the noise.",
                   unit="m", minimum=1e-4, maximum=1e6, soft_minimum=0.01, soft_maximum=1e3, live=True),
         Parameter("noise_detail", "float", 4.0, "Number of finer octaves of noise.",
                   minimum=0.0, maximum=8.0, live=True),
@@ -30,10 +41,22 @@ CLOUD = Group(
                   minimum=0.0, maximum=1.0, live=True),
         Parameter("noise_strength", "float", 1.0, "How far the noise carves into the shape; 0 leaves the smooth shape.",
                   minimum=0.0, maximum=4.0, live=True),
-        Parameter("fill", "float", 0.5, "How much of the domain is filled: raises the density everywhere.",
-                  minimum=-1.0, maximum=2.0, soft_minimum=0.0, soft_maximum=1.0, live=True),
-        Parameter("softness", "float", 0.25, "Width of the transition from clear air to full density; small is crisp.",
-                  minimum=0.01, maximum=4.0, soft_maximum=1.0, live=True),
+        Parameter("billow_octaves", "int", 0, "Octaves of rounded bulges with creases between them, as on a cauliflower; "
+                  "0 leaves them out.", minimum=0, maximum=6),
+        Parameter("billow_size", "float", 30.0, "Size of the largest bulges.",
+                  unit="m", minimum=1e-4, maximum=1e6, soft_minimum=0.01, soft_maximum=1e3, live=True),
+        Parameter("billow_strength", "float", 0.5, "How far the bulges rise; below 0 they are hollows between wisps.",
+                  minimum=-4.0, maximum=4.0, soft_minimum=-2.0, soft_maximum=2.0, live=True),
+        Parameter("billow_roughness", "float", 0.5, "Strength of each octave of bulges relative to the one before.",
+                  minimum=0.0, maximum=1.0, live=True),
+        Parameter("stretch", "float", 1.0, "Draws the noise out along x: streaks of ice or of mist.",
+                  minimum=0.01, maximum=100.0, soft_minimum=1.0, soft_maximum=10.0, live=True),
+        Parameter("wind", "vector", (0.0, 0.0, 0.0), "Speed at which the noise drifts through the body.",
+                  unit="m/s", minimum=-1e3, maximum=1e3, live=True),
+        Parameter("time", "float", 0.0, "Seconds that the wind has blown: keyframe it to let the cloud drift.",
+                  unit="s", minimum=-1e6, maximum=1e6, soft_minimum=0.0, soft_maximum=600.0, live=True),
+        Parameter("evolution", "float", 0.0, "Age of the cloud: its features rise through one another; keyframe it to let the "
+                  "cloud boil.", minimum=-1e3, maximum=1e3, soft_minimum=0.0, soft_maximum=10.0, live=True),
         Parameter("seed", "int", 0, "Another number, another cloud of the same kind.",
                   minimum=0, maximum=9999, live=True),
     ),

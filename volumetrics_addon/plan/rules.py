@@ -130,7 +130,10 @@ def _feature(volume: Volume) -> float:
             return density.scale_height
         case NoiseShape() as density:
             # The softness turns the slope of the noise into an edge.
-            return density.noise_size * min(1.0, density.softness)
+            size = density.noise_size
+            if density.billow_octaves > 0 and density.billow_strength != 0.0:
+                size = min(size, density.billow_size)
+            return size * min(1.0, density.softness)
     return 0.0
 
 

@@ -71,7 +71,7 @@ def _interpolation_error(froxels: Froxels, scene: Scene, width: int, height: int
     x, y = (a[:: max(1, len(a) // PROBED_RAYS)] for a in planet.centres(width, height))
     rays = geometry.camera_rays(scene.camera, width, height, x, y)
     exact = froxels.marched(*rays)
-    difference = froxels.radiance(*rays, x, y)[0] - exact
+    difference = froxels.radiance(*rays)[0] - exact
     return np.sqrt((difference**2).mean(axis=0)) / np.maximum(exact.mean(axis=0), 1e-300)
 
 

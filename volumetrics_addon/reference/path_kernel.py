@@ -15,6 +15,7 @@ import numpy as np
 
 from ..scene import noise
 from ..scene.model import Camera, look_frame
+from .compilation import forget_stale_kernels
 from .path_scene import (
     ALBEDO, ALTITUDE, APEX, AXES, AXIS, BOX, CELLS, CENTER, COLOR, COS2, DARK, DENSITY, ELLIPSOID, EMISSION, ENVIRONMENT,
     EPSILON, FULL, HALF, HEIGHT, HOMOGENEOUS, LAYER, LENGTH, LIGHT, LIGHTS, LOW, MEAN, MIE, NOISE, PARAMETERS, PHASE,
@@ -27,9 +28,10 @@ TRACKING_THRESHOLD = 0.1  # transmittances below it are followed on with a chanc
 SPAN, ROW = 3, 6  # numbers of a path's workspace for each volume and each light
 CHUNKS = 64  # work items of a parallel loop; the pixels are dealt out to them in turn
 
+forget_stale_kernels()
 # Infinities mark what is not hit, so that fast-math may not assume them away.
 compiled = numba.njit(fastmath={"contract", "arcp", "nsz", "afn", "reassoc"}, error_model="numpy", cache=True)
-_noise = compiled(noise._implementation(compiled))
+_noise, _, _noise_density = noise.implementation(compiled)
 
 
 # --- vectors and random numbers ------------------------------------------------------------------------------
@@ -224,22 +226,8 @@ def density(scene, v, p):
         offset = minus(p, vector(scene, at + 2))
         return math.exp(-(math.sqrt(dot(offset, offset)) - scene[at + 1]) / scene[at])
     if kind == NOISE:
-        return noise_density(scene, at, p)
+        return _noise_density(scene, at, p[0], p[1], p[2])
     return voxel_density(scene, v, p)
-
-
-@compiled
-def noise_density(scene, at, p):
-    offset = minus(p, vector(scene, at))
-    x, y, z = offset[0] / scene[at + 3], offset[1] / scene[at + 4], offset[2] / scene[at + 5]
-    softness, strength = scene[at + 14], scene[at + 12]
-    body = scene[at + 13] - math.sqrt(x * x + y * y + z * z)
-    if strength == 0.0:
-        return min(1.0, max(0.0, body / softness))
-    size = scene[at + 6]
-    n = _noise(offset[0] / size + scene[at + 7], offset[1] / size + scene[at + 8], offset[2] / size + scene[at + 9],
-               scene[at + 10], scene[at + 11])
-    return min(1.0, max(0.0, (body + strength * (2.0 * n - 1.0)) / softness))
 
 
 @compiled

@@ -7,8 +7,6 @@ lattice of cells over the domain.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..physics.phase import mie_fit_parameters
@@ -43,8 +41,9 @@ CENTER, HALF, AXES = 1, 4, 7
 APEX, AXIS, COS2, LENGTH = 1, 4, 7, 8
 SHAPE = 16
 ALBEDO, EMISSION, SURFACE = 16, 19, 22
-SIGMA_T, SIGMA_S, DENSITY, PARAMETERS, PHASE, MEAN = 16, 19, 22, 23, 38, 43
-VOXELS, CELLS, LOW, SIZE, VOLUME = 44, 48, 52, 55, 58
+DENSITY_NUMBERS = 28
+SIGMA_T, SIGMA_S, DENSITY, PARAMETERS, PHASE, MEAN = 16, 19, 22, 23, 22 + DENSITY_NUMBERS, 27 + DENSITY_NUMBERS
+VOXELS, CELLS, LOW, SIZE, VOLUME = MEAN + 1, MEAN + 5, MEAN + 9, MEAN + 12, MEAN + 15
 SUN, POSITION, TOWARD, COLOR, DARK, FULL, LIGHT = 0, 1, 4, 7, 10, 11, 12
 
 
@@ -71,7 +70,7 @@ def flatten(scene: Scene) -> Array:
     for i, (volume, (bounds, low, size)) in enumerate(zip(volumes, majorants)):
         medium = volume.medium
         mean = float(bounds.mean()) * sum(medium.sigma_t) / 3.0
-        rows += [(SHAPE, _shape(volume.domain)), (3, medium.sigma_t), (3, medium.sigma_s), (16, _density(volume)),
+        rows += [(SHAPE, _shape(volume.domain)), (3, medium.sigma_t), (3, medium.sigma_s), (DENSITY_NUMBERS, _density(volume)),
                  (5, _phase(medium.phase)), (1, (mean,)), (4, places[i]), (4, places[len(volumes) + i]), (3, low), (3, size)]
     rows += [row for s in scene.surfaces for row in ((SHAPE, _shape(s.shape)), (3, s.albedo), (3, s.emission))]
     rows += [(LIGHT, _light(light)) for light in scene.lights]
@@ -107,8 +106,7 @@ def _density(volume: Volume) -> tuple:
         case ExponentialAltitude(center, radius, scale_height):
             return ALTITUDE, scale_height, radius, *center
         case NoiseShape() as shape:
-            return (NOISE, *shape.center, *shape.half, shape.noise_size, *noise.seed_offset(shape.seed), shape.detail,
-                    shape.roughness, shape.noise_strength, shape.fill, shape.softness)
+            return NOISE, *noise.numbers(shape)
         case Grid() as density:
             return GRID, *density.low, *density.high
     raise TypeError(f"{volume.medium.density!r} is not a density of the Scene")
@@ -168,11 +166,7 @@ def _noise_bounds(shape: NoiseShape, low: Array, extent: Array, counts: Array) -
     axes = [start + length * np.arange(n * (PROBES - 1) + 1) / (n * (PROBES - 1))
             for start, length, n in zip(low, extent, counts)]
     position = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    # Wide and shifted up, the clamp leaves the slopes below zero: a cell is empty only where its probes lie well below it.
-    farthest = float(np.linalg.norm((position - shape.center) / shape.half, axis=1).max())
-    room = 1.0 + abs(shape.fill) + shape.noise_strength + farthest
-    wide = noise.density(replace(shape, fill=shape.fill + room, softness=2.0 * room), position)
-    value = ((2.0 * wide - 1.0) * room / shape.softness).reshape([len(axis) for axis in axes])
+    value = noise.margin(shape, position).reshape([len(axis) for axis in axes])
     # Between probes a smooth function exceeds their interpolation by at most an eighth of its second difference.
     edges = [[(1, 1) if along == axis else (0, 0) for along in range(3)] for axis in range(3)]
     bend = sum(np.pad(np.abs(np.diff(value, 2, axis=axis)), edges[axis], "edge") for axis in range(3)) / 8.0

@@ -7,8 +7,8 @@ import math
 from typing import Any, Iterable, Mapping
 
 from .model import (
-    Box, Camera, Color, Cone, Dielectric, Ellipsoid, ExponentialHeight, Homogeneous, Light, Medium, NoiseShape,
-    Phase, Scene, Shape, Spot, Sun, Surface, Vector, Volume, add, look_frame, normalized, scaled, subtract, turned,
+    AnyPhase, Box, Camera, Color, Cone, Dielectric, Ellipsoid, ExponentialHeight, Homogeneous, Light, Medium, MiePhase,
+    NoiseShape, Phase, Scene, Shape, Spot, Sun, Surface, Vector, Volume, add, look_frame, normalized, scaled, subtract, turned,
 )
 
 # The haze cone is this much wider than the light's cone, so that the domain's faceted mantle stays in the dark.
@@ -35,7 +35,10 @@ def _scattering(values: Mapping[str, Any]) -> tuple[Color, Color]:
 def cloud(values: Mapping[str, Any], bounds: "Bounds | None" = None) -> Item:
     half = scaled(values["size"], 0.5)
     shape = {"ellipsoid": Ellipsoid, "box": Box}[values["domain"]](values["location"], half)
-    if values["phase"] == "dual_hg":
+    phase: AnyPhase
+    if values["phase"] == "mie":
+        phase = MiePhase(values["droplet_diameter"])
+    elif values["phase"] == "dual_hg":
         phase = Phase(values["g"], values["g_back"], values["lobe_weight"])
     else:
         phase = Phase(values["g"])
@@ -43,7 +46,10 @@ def cloud(values: Mapping[str, Any], bounds: "Bounds | None" = None) -> Item:
     if values["density"] == "noise":
         density = NoiseShape(
             values["location"], half, values["noise_size"], values["noise_detail"], values["noise_roughness"],
-            values["noise_strength"], values["fill"], values["softness"], values["seed"])
+            values["noise_strength"], values["fill"], values["softness"], values["seed"],
+            drift=scaled(values["wind"], values["time"]),
+            **{name: values[name] for name in ("profile", "billow_size", "billow_strength", "billow_octaves",
+                                               "billow_roughness", "base", "stretch", "evolution")})
     sigma_s, sigma_a = _scattering(values)
     return Item([Volume(shape, Medium(sigma_s, sigma_a, phase, density))])
 

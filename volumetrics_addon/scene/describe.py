@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from ..parameters.families import FAMILIES
-from .model import Box, Ellipsoid, ExponentialHeight, Homogeneous, Medium, NoiseShape, Phase, Scene, Volume
+from .model import Box, Ellipsoid, ExponentialHeight, Homogeneous, Medium, MiePhase, NoiseShape, Phase, Scene, Volume
 
 GREY = 1e-9  # relative difference of the extinction between channels that counts as none
 
@@ -20,11 +20,11 @@ def describe(volume: Volume) -> tuple[str, dict[str, Any]]:
     medium = volume.medium
     if volume.boundary is not None or not medium.scatters:
         return "glass", _values("glass", _glass(volume))
-    if not isinstance(medium.phase, Phase):
-        raise ValueError(f"the phase function {medium.phase} has no nodes in every engine; use one or two HG lobes")
+    if not isinstance(medium.phase, (Phase, MiePhase)):
+        raise ValueError(f"the phase function {medium.phase} has no nodes in every engine; use water droplets or one or two HG lobes")
     if isinstance(medium.density, ExponentialHeight):
-        if medium.phase.weight > 0.0:
-            raise ValueError(f"height fog has one HG lobe, got {medium.phase}; set the weight of the second to 0")
+        if not isinstance(medium.phase, Phase) or medium.phase.weight > 0.0:
+            raise ValueError(f"height fog has one HG lobe, got {medium.phase}; take a Phase with weight 0")
         return "fog", _values("fog", {"scale_height": medium.density.scale_height,
                                       "base_height": medium.density.base_height, **_scattering(medium)})
     if not isinstance(medium.density, (Homogeneous, NoiseShape)):
@@ -50,7 +50,8 @@ def _scattering(medium: Medium) -> dict[str, Any]:
     if extinction - min(medium.sigma_t) > GREY * extinction:
         raise ValueError(f"sigma_t must be the same in all channels for a scattering medium, got {medium.sigma_t} per metre; "
                          "colour the albedo instead")
-    return {"extinction": extinction, "albedo": tuple(s / extinction for s in medium.sigma_s), "g": medium.phase.g0}
+    return {"extinction": extinction, "albedo": tuple(s / extinction for s in medium.sigma_s),
+            **({"g": medium.phase.g0} if isinstance(medium.phase, Phase) else {})}
 
 
 def _glass(volume: Volume) -> dict[str, Any]:
@@ -68,13 +69,19 @@ def _glass(volume: Volume) -> dict[str, Any]:
 
 def _cloud(volume: Volume) -> dict[str, Any]:
     medium, shape = volume.medium, volume.medium.density
-    values = {"phase": "dual_hg" if medium.phase.weight > 0.0 else "hg", "g_back": medium.phase.g1,
-              "lobe_weight": medium.phase.weight, "density": "homogeneous", **_scattering(medium)}
+    values = {"density": "homogeneous", **_scattering(medium)}
+    if isinstance(medium.phase, MiePhase):
+        values |= {"phase": "mie", "droplet_diameter": medium.phase.droplet_diameter}
+    else:
+        values |= {"phase": "dual_hg" if medium.phase.weight > 0.0 else "hg", "g_back": medium.phase.g1,
+                   "lobe_weight": medium.phase.weight}
     if isinstance(shape, NoiseShape):
         if shape.center != volume.domain.center or shape.half != volume.domain.half:
             raise ValueError(f"noise must be centred in its domain and as large, got {shape.center} and {shape.half} in "
                              f"{volume.domain}")
         values |= {"density": "noise", "noise_size": shape.noise_size, "noise_detail": shape.detail,
-                   "noise_roughness": shape.roughness, "noise_strength": shape.noise_strength, "fill": shape.fill,
-                   "softness": shape.softness, "seed": shape.seed}
+                   "noise_roughness": shape.roughness, "noise_strength": shape.noise_strength, "wind": shape.drift, "time": 1.0,
+                   **{name: getattr(shape, name) for name in ("fill", "softness", "seed", "profile", "billow_size",
+                                                              "billow_strength", "billow_octaves", "billow_roughness", "base",
+                                                              "stretch", "evolution")}}
     return values

@@ -112,12 +112,24 @@ class ExponentialHeight:
     base_height: float
 
 
+PROFILES = ("round", "dome", "tower", "anvil", "layer")
+CELL_HASHES = ("pcg3d", "lookup3")
+
+
 @dataclass(frozen=True)
 class NoiseShape:
-    """Billows cut from a smooth body by fractal Perlin noise.
+    """A cloud: billows and wisps cut from a smooth body by fractal Perlin noise and by cells.
 
-    density = clamp((fill - r + noise_strength (2 n - 1)) / softness, 0, 1) with r the distance from the centre
-    in units of the domain's radii and n the normalised noise in [0, 1] at (p - center) / noise_size + offset(seed).
+    density = clamp((fill - d + noise_strength (2 n - 1) + billow_strength b) / softness, 0, 1) s, with
+
+    * d the distance from the body's middle, 1 at the faces of the domain, by ``profile``. With q = (p - center) / half,
+      r^2 = qx^2 + qy^2 and the height u = (qz + 1) / 2 over the domain's floor: round (r^2 + qz^2)^1/2, dome
+      (r^2 + u^2)^1/2, tower (r^4 + u^4)^1/4, layer (r^8 + qz^2)^1/2, and anvil a narrow tower under a flat round top;
+    * n the normalised fractal noise in [0, 1] and b = 0.37 - the weighted mean of F1^2 over ``billow_octaves``, F1 the
+      distance to the nearest random point: bulges with creases between them. Both at
+      (p - center - drift) / (stretch, 1, 1) / size + offset(seed), lifted by ``evolution`` at speeds of their own;
+      ``cell_hash`` tells which random points: those of Blender 5 and later, or of Blender before;
+    * s a smoothstep of u / base: a flat floor that fades over this share of the height; 1 where base is 0.
     """
 
     center: Vector
@@ -129,6 +141,16 @@ class NoiseShape:
     fill: float
     softness: float
     seed: int
+    profile: str = PROFILES[0]
+    billow_size: float = 1.0
+    billow_strength: float = 0.0
+    billow_octaves: int = 0
+    billow_roughness: float = 0.5
+    base: float = 0.0
+    stretch: float = 1.0
+    drift: Vector = (0.0, 0.0, 0.0)
+    evolution: float = 0.0
+    cell_hash: str = CELL_HASHES[0]
 
 
 @dataclass(frozen=True)
