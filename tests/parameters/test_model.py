@@ -27,7 +27,8 @@ DECLARED = [pytest.param(group, parameter, id=f"{group.name}.{parameter.name}")
             for group in GROUPS for parameter in group.parameters]
 
 # Ratios, cosines and exponents: no unit belongs to them.
-DIMENSIONLESS = {"base", "billow_strength", "billow_roughness", "stretch", "evolution", "g", "g_back", "lobe_weight", "noise_detail", "noise_roughness", "noise_strength", "fill", "softness",
+DIMENSIONLESS = {"g", "g_back", "lobe_weight", "octave_extinction", "octave_phase", "octave_contribution", "fill", "softness", "base",
+                 "noise_detail", "noise_roughness", "noise_strength", "billow_strength", "billow_roughness", "stretch", "evolution",
                  "cutoff", "ior", "blend", "blocker_fill", "aspect"}
 
 HUGE = 10**400  # beyond float

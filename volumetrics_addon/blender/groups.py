@@ -102,15 +102,21 @@ def _two_lobes(build: Tree, albedo: Any, extinction: Any, g0: Any, g1: Any, weig
     }
 
 
-def _droplets(build: Tree, albedo: Any, extinction: Any, diameter: Any) -> Outputs:
-    def fit() -> bpy.types.NodeSocket:
-        node = build.node("ShaderNodeVolumeScatter", {"Color": albedo, "Density": extinction}, phase="MIE")
-        build.feed(socket_of(node.inputs, "Diameter"), diameter)
-        return node.outputs[0]
-
+def _droplets(build: Tree, albedo: Any, extinction: Any, diameter: Any, octave: Sockets | None) -> Outputs:
+    """Cycles has the fit to water droplets, EEVEE one lobe with its mean cosine; so have the octaves after the first."""
     log = build.math("LOGARITHM", diameter, math.e)
     square, slope, constant = MIE_MEAN_COSINE
     mean = build.math("MULTIPLY_ADD", build.math("MULTIPLY_ADD", log, square, slope), log, constant)
+
+    def fit() -> bpy.types.NodeSocket:
+        node = build.node("ShaderNodeVolumeScatter", {"Color": albedo, "Density": extinction}, phase="MIE")
+        build.feed(socket_of(node.inputs, "Diameter"), diameter)
+        if not octave:
+            return node.outputs[0]
+        lobe = _scatter(build, albedo, extinction, build.math("MULTIPLY", mean, octave["phase"]))
+        deeper = build.math("GREATER_THAN", octave["octave"], 0.5)
+        return build.node("ShaderNodeMixShader", {0: deeper, 1: node.outputs[0], 2: lobe}).outputs[0]
+
     return {
         "Cycles Volume": _absorb_and_scatter(build, albedo, extinction, fit),
         "EEVEE Volume": _absorb_and_scatter(build, albedo, extinction, lambda: _scatter(build, albedo, extinction, mean)),
@@ -201,11 +207,37 @@ def _cloud(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape
     extinction = inputs["extinction"]
     if values["density"] == "noise":
         extinction = build.math("MULTIPLY", extinction, _noise_density(build, inputs, values, shape))
+    outputs = _by_phase(build, inputs, values, extinction, inputs["albedo"], None)
+    if values["scattering"] == "octaves":
+        factors = _octaves(build, inputs)
+        dimmed, kept = build.math("MULTIPLY", extinction, factors["extinction"]), build.scale(inputs["albedo"], factors["albedo"])
+        outputs |= {"Cycles Volume": _by_phase(build, inputs, values, dimmed, kept, factors)["Cycles Volume"]}
+    return outputs
+
+
+def _by_phase(build: Tree, inputs: Sockets, values: Mapping[str, Any], extinction: Any, albedo: Any,
+              octave: Sockets | None) -> Outputs:
+    """Shaders of the family's phase function, its mean cosines dimmed by the octave's where there is one."""
+    def cosine(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        return build.math("MULTIPLY", socket, octave["phase"]) if octave else socket
+
     if values["phase"] == "mie":
-        return _droplets(build, inputs["albedo"], extinction, inputs["droplet_diameter"])
+        return _droplets(build, albedo, extinction, inputs["droplet_diameter"], octave)
     if values["phase"] == "hg":
-        return _one_lobe(build, inputs["albedo"], extinction, inputs["g"])
-    return _two_lobes(build, inputs["albedo"], extinction, inputs["g"], inputs["g_back"], inputs["lobe_weight"])
+        return _one_lobe(build, albedo, extinction, cosine(inputs["g"]))
+    return _two_lobes(build, albedo, extinction, cosine(inputs["g"]), cosine(inputs["g_back"]), inputs["lobe_weight"])
+
+
+def _octaves(build: Tree, inputs: Sockets) -> Sockets:
+    """Factors of extinction, albedo and mean cosine along the ray that the path is on, see scene.model.Octaves.
+
+    Cycles' ray depth counts a shadow ray as one event deeper than its path: both rays that leave an event have its number.
+    """
+    depth = socket_of(build.node("ShaderNodeLightPath").outputs, "Ray Depth")
+    octave = build.math("MAXIMUM", build.math("SUBTRACT", depth, 1.0), 0.0)
+    kept = build.math("DIVIDE", inputs["octave_contribution"], inputs["octave_extinction"])
+    return {"octave": octave, "extinction": build.math("POWER", inputs["octave_extinction"], octave),
+            "albedo": build.math("POWER", kept, octave), "phase": build.math("POWER", inputs["octave_phase"], octave)}
 
 
 def _fog(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) -> Outputs:

@@ -22,6 +22,17 @@ CLOUD = Group(
                   minimum=0.0, maximum=1.0, live=True),
         Parameter("droplet_diameter", "float", 12.0, "Diameter of the water droplets: fog and young clouds have small ones, which "
                   "scatter a little less sharply.", unit="um", minimum=5.0, maximum=50.0, live=True),
+        Parameter("scattering", "choice", "full", "How Cycles follows light inside: in full, or with a few octaves that stand for "
+                  "many orders, quicker and biased.",
+                  choices=(("full", "All orders"), ("octaves", "Octaves"))),
+        Parameter("octaves", "int", 12, "Scattering events that are followed when scattering is by octaves.",
+                  minimum=1, maximum=64),
+        Parameter("octave_extinction", "float", 0.85, "Extinction of each octave relative to the one before.",
+                  minimum=0.0, maximum=1.0, live=True),
+        Parameter("octave_phase", "float", 0.7, "Mean cosine of each octave relative to the one before.",
+                  minimum=0.0, maximum=1.0, live=True),
+        Parameter("octave_contribution", "float", 0.85, "Scattering of each octave relative to the one before, at most its "
+                  "extinction.", minimum=0.0, maximum=1.0, live=True),
         Parameter("density", "choice", "noise", "Density inside the domain.",
                   choices=(("homogeneous", "Homogeneous"), ("noise", "Noise"))),
         Parameter("profile", "choice", "round", "Shape of the body that the noise is cut from.",

@@ -67,10 +67,13 @@ def plan(scene: Scene, engine: str, samples: int, *, has_null_scattering: bool =
 
 
 def _cycles(scene: Scene, result: Plan, has_null_scattering: bool, seed: int) -> None:
-    bounces = scene.orders - 1
+    bounces = scene.engine_orders - 1
     glass = GLASS_BOUNCES if scene.is_dielectric else 0
+    if scene.engine_orders < scene.orders:
+        result.decide("octaves", f"{scene.engine_orders} scattering events instead of {scene.orders}",
+                      "the media's octaves stand for the orders beyond; their bias is in the table of the presets")
     result.decide("bounces", f"volume and diffuse bounces {bounces}, glass bounces {glass}",
-                  f"the scene follows {scene.orders} order(s) of scattering")
+                  f"the scene follows {scene.engine_orders} order(s) of scattering")
     result.settings.update({
         "cycles.device": "CPU",
         "cycles.samples": result.samples,
@@ -191,7 +194,7 @@ def participation(scene: Scene, present: Callable[[str, Any], Any]) -> dict[str,
     ``present`` gives the user's value of a path, or the default where there is none. Bounce limits and resolutions are
     raised where they are lower and never lowered; nothing else of the user's render settings is touched.
     """
-    bounces = scene.orders - 1
+    bounces = scene.engine_orders - 1
     glass = GLASS_BOUNCES if scene.is_dielectric else 0
     at_least = {
         "cycles.max_bounces": max(bounces, glass),

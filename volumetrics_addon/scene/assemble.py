@@ -8,7 +8,7 @@ from typing import Any, Iterable, Mapping
 
 from .model import (
     AnyPhase, Box, Camera, Color, Cone, Dielectric, Ellipsoid, ExponentialHeight, Homogeneous, Light, Medium, MiePhase,
-    NoiseShape, Phase, Scene, Shape, Spot, Sun, Surface, Vector, Volume, add, look_frame, normalized, scaled, subtract, turned,
+    NoiseShape, Octaves, Phase, Scene, Shape, Spot, Sun, Surface, Vector, Volume, add, look_frame, normalized, scaled, subtract, turned,
 )
 
 # The haze cone is this much wider than the light's cone, so that the domain's faceted mantle stays in the dark.
@@ -50,8 +50,11 @@ def cloud(values: Mapping[str, Any], bounds: "Bounds | None" = None) -> Item:
             drift=scaled(values["wind"], values["time"]),
             **{name: values[name] for name in ("profile", "billow_size", "billow_strength", "billow_octaves",
                                                "billow_roughness", "base", "stretch", "evolution")})
+    octaves = None
+    if values["scattering"] == "octaves":
+        octaves = Octaves(values["octaves"], *(values[f"octave_{name}"] for name in ("extinction", "phase", "contribution")))
     sigma_s, sigma_a = _scattering(values)
-    return Item([Volume(shape, Medium(sigma_s, sigma_a, phase, density))])
+    return Item([Volume(shape, Medium(sigma_s, sigma_a, phase, density), octaves=octaves)])
 
 
 def glass(values: Mapping[str, Any], bounds: "Bounds | None" = None) -> Item:

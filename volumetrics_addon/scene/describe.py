@@ -70,6 +70,9 @@ def _glass(volume: Volume) -> dict[str, Any]:
 def _cloud(volume: Volume) -> dict[str, Any]:
     medium, shape = volume.medium, volume.medium.density
     values = {"density": "homogeneous", **_scattering(medium)}
+    if volume.octaves:
+        values |= {"scattering": "octaves", "octaves": volume.octaves.count, "octave_extinction": volume.octaves.extinction,
+                   "octave_phase": volume.octaves.phase, "octave_contribution": volume.octaves.contribution}
     if isinstance(medium.phase, MiePhase):
         values |= {"phase": "mie", "droplet_diameter": medium.phase.droplet_diameter}
     else:

@@ -223,6 +223,27 @@ class Medium:
 
 
 @dataclass(frozen=True)
+class Octaves:
+    """Multiple scattering made short for an engine; the references follow the full transport instead.
+
+    A ray that leaves the path's event number d + 1, and the event at its end, belong to octave d (the camera's ray to octave
+    0): there the extinction is multiplied by extinction^d, the mean cosine by phase^d and the scattering coefficient by
+    contribution^d. Single scattering stays exact. After ``count`` events the path ends. contribution <= extinction keeps the
+    energy. In the spirit of Wrenninge, Kulla and Lundqvist, Oz: The Great and Volumetric (2013).
+    """
+
+    count: int
+    extinction: float
+    phase: float
+    contribution: float
+
+    def __post_init__(self) -> None:
+        if self.contribution > self.extinction:
+            raise ValueError(f"octave_contribution must be <= octave_extinction, got {self.contribution:g} > "
+                             f"{self.extinction:g}; more would be scattered than is lost")
+
+
+@dataclass(frozen=True)
 class Dielectric:
     """Smooth interface with this index of refraction inside and 1 outside."""
 
@@ -231,11 +252,12 @@ class Dielectric:
 
 @dataclass(frozen=True)
 class Volume:
-    """A medium in a domain, with or without a refracting boundary."""
+    """A medium in a domain, with or without a refracting boundary. ``octaves`` is for the engines alone."""
 
     domain: Shape
     medium: Medium
     boundary: Dielectric | None = None
+    octaves: Octaves | None = None
 
 
 # --- lights, surfaces, camera -------------------------------------------------------------------------------
@@ -332,6 +354,12 @@ class Scene:
     @property
     def is_dielectric(self) -> bool:
         return any(volume.boundary is not None for volume in self.volumes)
+
+    @property
+    def engine_orders(self) -> int:
+        """Orders of scattering that an engine has to follow: fewer where every scattering medium has octaves."""
+        counts = [v.octaves.count if v.octaves else self.orders for v in self.volumes if v.medium.scatters]
+        return min(self.orders, max(counts, default=self.orders))
 
     @property
     def is_noisy(self) -> bool:
