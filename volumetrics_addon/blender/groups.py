@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
 
 from ..parameters.families import FAMILIES
-from ..scene.model import Box, Ellipsoid, Shape
+from ..scene.model import Box, Ellipsoid, Grid, Shape, Volume
 from ..scene.noise import SEED_PERIOD, SEED_STEP
+from . import grid
 from .compat import use_nodes
 from .nodes import Tree, add_input, arrange, socket_of, socket_value
 
@@ -26,7 +28,21 @@ Outputs = dict[str, bpy.types.NodeSocket]
 ENGINES = {"Cycles": "CYCLES", "EEVEE": "EEVEE"}  # output prefix -> target of the material output
 
 
-def group(family: str, values: Mapping[str, Any], shape: Shape, name: str) -> bpy.types.NodeTree:
+@dataclass(frozen=True)
+class Fields:
+    """What the material of a volume reads from arrays: its density from ``voxels``, which the nodes ``cut`` at the domain."""
+
+    voxels: bool = False
+    cut: bool = False
+
+
+def fields_of(volume: Volume) -> Fields:
+    if not isinstance(volume.medium.density, Grid):
+        return Fields()
+    return Fields(True, grid.needs_cut(volume))
+
+
+def group(family: str, values: Mapping[str, Any], shape: Shape, name: str, fields: Fields = Fields()) -> bpy.types.NodeTree:
     """The node group of a family for these build-time values; live values are set on the node that uses it."""
     declared = FAMILIES[family]
     tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
@@ -35,7 +51,7 @@ def group(family: str, values: Mapping[str, Any], shape: Shape, name: str) -> bp
     build = Tree(tree)
     entry = build.node("NodeGroupInput")
     inputs = {parameter.name: entry.outputs[index] for index, parameter in enumerate(declared.live)}
-    outputs = BUILDERS[family](build, inputs, values, shape)
+    outputs = BUILDERS[family](build, inputs, values, shape, fields)
     for label, socket in outputs.items():
         kind = "NodeSocketShader" if socket.type == "SHADER" else "NodeSocketFloat"
         tree.interface.new_socket(label, in_out="OUTPUT", socket_type=kind)
@@ -46,11 +62,12 @@ def group(family: str, values: Mapping[str, Any], shape: Shape, name: str) -> bp
     return tree
 
 
-def material(family: str, values: Mapping[str, Any], shape: Shape, name: str) -> bpy.types.Material:
+def material(family: str, values: Mapping[str, Any], shape: Shape, name: str,
+             fields: Fields = Fields()) -> bpy.types.Material:
     """A material with the family's group and one Material Output per engine."""
     result = bpy.data.materials.new(name)
     build = Tree(use_nodes(result))
-    node = build.node("ShaderNodeGroup", node_tree=group(family, values, shape, name))
+    node = build.node("ShaderNodeGroup", node_tree=group(family, values, shape, name, fields))
     node.width = 240
     for index, parameter in enumerate(FAMILIES[family].live):
         node.inputs[index].default_value = socket_value(parameter, values[parameter.name])
@@ -117,16 +134,18 @@ def _noise_density(build: Tree, inputs: Sockets, shape: Box | Ellipsoid) -> bpy.
 # --- families -----------------------------------------------------------------------------------------------
 
 
-def _cloud(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) -> Outputs:
+def _cloud(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
     extinction = inputs["extinction"]
-    if values["density"] == "noise":
+    if fields.voxels:
+        extinction = build.math("MULTIPLY", extinction, grid.voxels(build, shape, fields.cut))
+    elif values["density"] == "noise":
         extinction = build.math("MULTIPLY", extinction, _noise_density(build, inputs, shape))
     if values["phase"] == "hg":
         return _one_lobe(build, inputs["albedo"], extinction, inputs["g"])
     return _two_lobes(build, inputs["albedo"], extinction, inputs["g"], inputs["g_back"], inputs["lobe_weight"])
 
 
-def _fog(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) -> Outputs:
+def _fog(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
     position = socket_of(build.node("ShaderNodeNewGeometry").outputs, "Position")
     depth = build.math("DIVIDE", build.math("SUBTRACT", inputs["base_height"], build.components(position)[2]),
                        inputs["scale_height"])
@@ -134,11 +153,11 @@ def _fog(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) 
     return _one_lobe(build, inputs["albedo"], extinction, inputs["g"])
 
 
-def _godray(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) -> Outputs:
+def _godray(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
     return _one_lobe(build, inputs["albedo"], inputs["extinction"], inputs["g"])
 
 
-def _glass(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) -> Outputs:
+def _glass(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
     """Absorption sigma_a = -ln(color) / distance; Cycles takes it as a volume, EEVEE as a tint where it refracts.
 
     A volume inside a refracting surface is lost in EEVEE. Its surface is tinted instead with the square root (the tint
