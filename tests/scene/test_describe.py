@@ -10,7 +10,9 @@ from volumetrics_addon.parameters.families import FAMILIES
 from volumetrics_addon.parameters.preset import load, names
 from volumetrics_addon.scene import assemble
 from volumetrics_addon.scene.describe import describe, describe_scene
-from volumetrics_addon.scene.model import Box, Camera, Grid, Medium, MiePhase, Phase, Projector, RayleighPhase, Scene, Volume
+from volumetrics_addon.scene.model import (
+    Box, Camera, ExponentialAltitude, Grid, Medium, MiePhase, Phase, Projector, RayleighPhase, Scene, Volume,
+)
 
 BOX = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 
@@ -58,11 +60,19 @@ def test_droplets_and_billows_come_back():
 @pytest.mark.parametrize("medium", [
     Medium((1.0, 1.0, 1.0), (0.0, 0.1, 0.0), Phase(0.0)),
     Medium((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), RayleighPhase()),
-    Medium((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), Phase(0.0), Grid(None, (0, 0, 0), (1, 1, 1))),
+    Medium((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), Phase(0.0), ExponentialAltitude((0, 0, -9), 9.0, 1.0)),
 ])
 def test_what_no_family_has_is_refused(medium):
     with pytest.raises(ValueError, match="; |use"):
         describe(Volume(BOX, medium))
+
+
+def test_voxels_are_a_cloud_that_may_only_absorb():
+    """The values of the cloud colour them; the density is the volume's own."""
+    for sigma_s, albedo in (((1.0, 0.5, 0.0), (1.0, 0.5, 0.0)), ((0.0,) * 3, (0.0,) * 3)):
+        medium = Medium(sigma_s, tuple(1.0 - s for s in sigma_s), Phase(0.3), Grid(None, (0, 0, 0), (1, 1, 1)))
+        family, values = describe(Volume(BOX, medium))
+        assert family == "cloud" and values["extinction"] == 1.0 and values["albedo"] == albedo and values["g"] == 0.3
 
 
 def test_projector_is_refused():

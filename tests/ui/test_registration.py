@@ -117,7 +117,7 @@ def test_property_mirrors_its_declaration(enabled, family, parameter):
     shown = owner.bl_rna.properties[parameter.name]
     assert shown.name.startswith(parameter.label)
     assert shown.description == parameter.description.removesuffix(".")  # Blender writes the full stop
-    native = {"m": "LENGTH", "deg": "ROTATION", "W": "POWER"}  # the others are written into the label
+    native = {"m": "LENGTH", "deg": "ROTATION", "W": "POWER", "m/s": "VELOCITY"}  # the others are written into the label
     assert (parameter.unit in native) == (shown.unit in native.values())
     assert parameter.unit in native or shown.name.endswith(f"({parameter.unit})" if parameter.unit else parameter.label)
     factor = math.radians(1.0) if parameter.unit == "deg" else 1.0

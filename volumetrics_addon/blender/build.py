@@ -10,8 +10,8 @@ from typing import Any
 import bpy
 
 from ..plan.model import CYCLES, Plan
-from ..scene.model import Box, Cone, Ellipsoid, Scene, Shape, Sun, Volume
-from . import compat, groups, objects, settings
+from ..scene.model import Box, Cone, Ellipsoid, Grid, Scene, Shape, Sun, Volume
+from . import compat, grid, groups, objects, settings
 from .nodes import Tree, socket_of
 
 _COLLECTIONS = ("objects", "meshes", "lights", "cameras", "materials", "node_groups", "worlds", "scenes", "collections", "images")
@@ -32,8 +32,11 @@ def add_volumes(family: str, values: Mapping[str, Any], volumes: tuple[Volume, .
                 collection: bpy.types.Collection) -> list[bpy.types.Object]:
     result = []
     for volume in volumes:
-        material = groups.material(family, values, volume.domain, name)
-        domain = objects.body(volume.domain, name, material, collection)
+        material = groups.material(family, values, volume.domain, name, groups.fields_of(volume))
+        if isinstance(volume.medium.density, Grid):
+            domain = grid.body(volume, name, material, collection)
+        else:
+            domain = objects.body(volume.domain, name, material, collection)
         if volume.boundary is None:  # a box, ball or cone of lines: the faces of the mesh would fill the view
             domain.display_type = "BOUNDS"
             domain.display_bounds_type = {Box: "BOX", Ellipsoid: "SPHERE", Cone: "CONE"}[type(volume.domain)]

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
 
 from ..parameters.families import FAMILIES
-from ..scene.model import Box, Ellipsoid, Shape
 from ..scene import noise
+from ..scene.model import Box, Ellipsoid, Grid, Shape, Volume
+from . import grid
 from .compat import use_nodes
 from .nodes import Tree, add_input, arrange, socket_of, socket_value
 
@@ -29,7 +31,21 @@ MIE_MEAN_COSINE = (-0.00565461, 0.05183491, 0.77477403)
 ENGINES = {"Cycles": "CYCLES", "EEVEE": "EEVEE"}  # output prefix -> target of the material output
 
 
-def group(family: str, values: Mapping[str, Any], shape: Shape, name: str) -> bpy.types.NodeTree:
+@dataclass(frozen=True)
+class Fields:
+    """What the material of a volume reads from arrays: its density from ``voxels``, which the nodes ``cut`` at the domain."""
+
+    voxels: bool = False
+    cut: bool = False
+
+
+def fields_of(volume: Volume) -> Fields:
+    if not isinstance(volume.medium.density, Grid):
+        return Fields()
+    return Fields(True, grid.needs_cut(volume))
+
+
+def group(family: str, values: Mapping[str, Any], shape: Shape, name: str, fields: Fields = Fields()) -> bpy.types.NodeTree:
     """The node group of a family for these build-time values; live values are set on the node that uses it."""
     declared = FAMILIES[family]
     tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
@@ -38,7 +54,7 @@ def group(family: str, values: Mapping[str, Any], shape: Shape, name: str) -> bp
     build = Tree(tree)
     entry = build.node("NodeGroupInput")
     inputs = {parameter.name: entry.outputs[index] for index, parameter in enumerate(declared.live)}
-    outputs = BUILDERS[family](build, inputs, values, shape)
+    outputs = BUILDERS[family](build, inputs, values, shape, fields)
     for label, socket in outputs.items():
         kind = "NodeSocketShader" if socket.type == "SHADER" else "NodeSocketFloat"
         tree.interface.new_socket(label, in_out="OUTPUT", socket_type=kind)
@@ -49,11 +65,12 @@ def group(family: str, values: Mapping[str, Any], shape: Shape, name: str) -> bp
     return tree
 
 
-def material(family: str, values: Mapping[str, Any], shape: Shape, name: str) -> bpy.types.Material:
+def material(family: str, values: Mapping[str, Any], shape: Shape, name: str,
+             fields: Fields = Fields()) -> bpy.types.Material:
     """A material with the family's group and one Material Output per engine."""
     result = bpy.data.materials.new(name)
     build = Tree(use_nodes(result))
-    node = build.node("ShaderNodeGroup", node_tree=group(family, values, shape, name))
+    node = build.node("ShaderNodeGroup", node_tree=group(family, values, shape, name, fields))
     node.width = 240
     for index, parameter in enumerate(FAMILIES[family].live):
         node.inputs[index].default_value = socket_value(parameter, values[parameter.name])
@@ -203,9 +220,11 @@ def _billows(build: Tree, coordinates: Any, octaves: int, roughness: Any) -> bpy
 # --- families -----------------------------------------------------------------------------------------------
 
 
-def _cloud(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) -> Outputs:
+def _cloud(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
     extinction = inputs["extinction"]
-    if values["density"] == "noise":
+    if fields.voxels:
+        extinction = build.math("MULTIPLY", extinction, grid.voxels(build, shape, fields.cut))
+    elif values["density"] == "noise":
         extinction = build.math("MULTIPLY", extinction, _noise_density(build, inputs, values, shape))
     outputs = _by_phase(build, inputs, values, extinction, inputs["albedo"], None)
     if values["scattering"] == "octaves":
@@ -240,7 +259,7 @@ def _octaves(build: Tree, inputs: Sockets) -> Sockets:
             "albedo": build.math("POWER", kept, octave), "phase": build.math("POWER", inputs["octave_phase"], octave)}
 
 
-def _fog(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) -> Outputs:
+def _fog(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
     position = socket_of(build.node("ShaderNodeNewGeometry").outputs, "Position")
     depth = build.math("DIVIDE", build.math("SUBTRACT", inputs["base_height"], build.components(position)[2]),
                        inputs["scale_height"])
@@ -248,11 +267,11 @@ def _fog(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) 
     return _one_lobe(build, inputs["albedo"], extinction, inputs["g"])
 
 
-def _godray(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) -> Outputs:
+def _godray(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
     return _one_lobe(build, inputs["albedo"], inputs["extinction"], inputs["g"])
 
 
-def _glass(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape) -> Outputs:
+def _glass(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
     """Absorption sigma_a = -ln(color) / distance; Cycles takes it as a volume, EEVEE as a tint where it refracts.
 
     A volume inside a refracting surface is lost in EEVEE. Its surface is tinted instead with the square root (the tint

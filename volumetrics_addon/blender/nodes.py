@@ -11,7 +11,7 @@ from ..parameters.model import Parameter
 
 _SOCKETS = {"float": "NodeSocketFloat", "int": "NodeSocketInt", "bool": "NodeSocketBool",
             "color": "NodeSocketColor", "vector": "NodeSocketVector"}
-_SUBTYPES = {"m": "DISTANCE"}
+_SUBTYPES = {"m": "DISTANCE", "m/s": "VELOCITY"}
 
 
 class Tree:
@@ -79,10 +79,10 @@ def add_input(tree: bpy.types.NodeTree, parameter: Parameter) -> None:
     """An input socket of a node group, from the parameter's declaration."""
     socket = tree.interface.new_socket(parameter.label, description=parameter.description, in_out="INPUT",
                                        socket_type=_SOCKETS[parameter.kind])
-    if parameter.kind in ("float", "int"):
+    if parameter.kind in ("float", "int", "vector"):
         if parameter.unit in _SUBTYPES:
             socket.subtype = _SUBTYPES[parameter.unit]
-        number = float if parameter.kind == "float" else int
+        number = int if parameter.kind == "int" else float
         if parameter.minimum is not None:
             socket.min_value = number(parameter.minimum)
         if parameter.maximum is not None:

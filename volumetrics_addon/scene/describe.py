@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from ..parameters.families import FAMILIES
-from .model import Box, Ellipsoid, ExponentialHeight, Homogeneous, Medium, MiePhase, NoiseShape, Phase, Scene, Volume
+from .model import Box, Ellipsoid, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase, Scene, Volume
 
 GREY = 1e-9  # relative difference of the extinction between channels that counts as none
 
@@ -18,17 +18,19 @@ GREY = 1e-9  # relative difference of the extinction between channels that count
 def describe(volume: Volume) -> tuple[str, dict[str, Any]]:
     """Family and values of a volume. Raises ValueError when no family can express it."""
     medium = volume.medium
-    if volume.boundary is not None or not medium.scatters:
+    if volume.boundary is not None or (not medium.scatters and isinstance(medium.density, Homogeneous)):
         return "glass", _values("glass", _glass(volume))
     if not isinstance(medium.phase, (Phase, MiePhase)):
-        raise ValueError(f"the phase function {medium.phase} has no nodes in every engine; use water droplets or one or two HG lobes")
+        raise ValueError(f"the phase function {medium.phase} has no nodes in every engine; use water droplets or one or two "
+                         "HG lobes")
     if isinstance(medium.density, ExponentialHeight):
         if not isinstance(medium.phase, Phase) or medium.phase.weight > 0.0:
             raise ValueError(f"height fog has one HG lobe, got {medium.phase}; take a Phase with weight 0")
         return "fog", _values("fog", {"scale_height": medium.density.scale_height,
                                       "base_height": medium.density.base_height, **_scattering(medium)})
-    if not isinstance(medium.density, (Homogeneous, NoiseShape)):
-        raise ValueError(f"no family has the density {type(medium.density).__name__}; use a homogeneous medium, noise or height fog")
+    if not isinstance(medium.density, (Homogeneous, NoiseShape, Grid)):
+        raise ValueError(f"no family has the density {type(medium.density).__name__}; use a homogeneous medium, noise, voxels "
+                         "or height fog")
     return "cloud", _values("cloud", _cloud(volume))
 
 

@@ -19,7 +19,7 @@ ICONS = {"cloud": "OUTLINER_OB_VOLUME", "glass": "MATSPHERE", "fog": "MOD_OCEAN"
 
 
 # Units that Blender shows by itself, in the units of the scene.
-SUBTYPES = {"m": "DISTANCE", "deg": "ANGLE", "W": "POWER"}
+SUBTYPES = {"m": "DISTANCE", "deg": "ANGLE", "W": "POWER", "m/s": "VELOCITY"}
 
 
 def label(parameter: Parameter) -> str:
@@ -50,7 +50,12 @@ def _property(parameter: Parameter) -> Any:
     if parameter.kind == "float":
         return bpy.props.FloatProperty(**common, default=parameter.default * _factor(parameter), precision=3,
                                        subtype=SUBTYPES.get(parameter.unit, "NONE"))
-    subtype = "COLOR" if parameter.kind == "color" else "XYZ_LENGTH" if parameter.name == "size" else "TRANSLATION"
+    if parameter.kind == "color":
+        subtype = "COLOR"
+    elif parameter.unit == "m":
+        subtype = "XYZ_LENGTH" if parameter.name == "size" else "TRANSLATION"
+    else:
+        subtype = SUBTYPES[parameter.unit]
     return bpy.props.FloatVectorProperty(**common, default=parameter.default, size=3, subtype=subtype)
 
 
