@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +17,11 @@ from .compare.report import report_picture
 from .compare.statistics import Comparison, Estimate, compare
 from .parameters.preset import Preset
 from .plan.model import CYCLES, EEVEE
+from .plan.rules import is_baked
 from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
+from .scene.bake import voxelized
 from .scene.model import Phase, Scene
 
 # Default tolerances of the mean relative error; EEVEE approximates, so its error is stated and by default not judged.
@@ -76,8 +78,11 @@ class Verification:
 
 
 def scene_of(preset: Preset) -> Scene:
-    """The preset's Scene, with the noise of this Blender."""
-    return compat.as_evaluated(assemble.scene(preset.family, preset.parameters, preset.stage, preset.props))
+    """The preset's Scene as a picture of it is rendered: noise baked into voxels, or as this Blender evaluates it."""
+    scene = assemble.scene(preset.family, preset.parameters, preset.stage, preset.props)
+    baked = is_baked(preset.parameters, interactive=False)
+    return replace(scene, volumes=tuple(
+        voxelized(volume, preset.parameters["resolution"]) if baked else compat.as_evaluated(volume) for volume in scene.volumes))
 
 
 def image_size(preset: Preset, size: int) -> tuple[int, int]:

@@ -104,13 +104,13 @@ def test_inside_agrees_with_the_interval(shape):
     near, far = geometry.interval(shape, position, direction)
     expected = (near <= 0.0) & (far >= 0.0)
     assert 50 < expected.sum() < 3900
-    assert (marching.inside(shape, position) == expected).all()
+    assert (geometry.contains(shape, position) == expected).all()
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
 def test_corners_enclose_the_shape(shape):
     position = np.random.default_rng(3).uniform(-3, 3, (20000, 3))
-    position = position[marching.inside(shape, position)]
+    position = position[geometry.contains(shape, position)]
     corners = marching.corners(shape)
     assert len(position) > 100
     for axis in np.random.default_rng(4).normal(size=(50, 3)):

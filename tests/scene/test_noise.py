@@ -66,12 +66,14 @@ def test_billows_equal_blenders_cells():
 
 @pytest.mark.parametrize("profile, inside, edge", [
     ("round", (0, 0, 0), (0.6, 0, 0.8)), ("dome", (0, 0, -1), (0.6, 0, 0.6)), ("tower", (0, 0, -1), (0, 0, 1)),
-    ("anvil", (0, 0, -1), (0.55, 0, -1)), ("anvil", (0, 0, 0.6), (0.6, 0, 0.6 + 0.32)), ("layer", (0, 0, 0), (0, 0, 1))])
+    ("anvil", (0, 0, -1), (0.6, 0, -1)), ("anvil", (0, 0, 0.6), (0.6, 0, 0.6 + 0.32)), ("layer", (0, 0, 0), (0, 0, 1))])
 def test_profiles(profile, inside, edge):
     """Their distances are 0 in the middle and 1 at the edge, where the margin is fill - 1 over the softness."""
     body = NoiseShape((1.0, 2.0, 3.0), (10.0, 20.0, 30.0), 1.0, 0.0, 0.5, 0.0, 0.75, 0.25, 0, profile=profile)
     positions = np.array([inside, edge]) * body.half + body.center
     np.testing.assert_allclose(noise.margin(body, positions), (3.0, -1.0), atol=1e-12)
+    # However much is filled, nothing is left at the edge.
+    np.testing.assert_allclose(noise.margin(replace(body, fill=9.0), positions), (4.0, 0.0), atol=1e-12)
 
 
 def test_a_flat_base_is_a_smoothstep():

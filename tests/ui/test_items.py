@@ -6,7 +6,7 @@ import json
 import bpy
 import numpy as np
 import pytest
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 import volumetrics_addon
 from volumetrics_addon.blender import items, settings
@@ -347,7 +347,61 @@ def test_animation_of_live_sockets_survives_save_and_load(scene, tmp_path):
 def test_the_record_lies_on_the_collection(scene):
     """So undo, save and load take it along with the item."""
     item = add("cumulus")
-    assert set(items.record(item)) == {"id", "family", "label", "orders", "before", "applied"}
+    assert set(items.record(item)) == {"id", "family", "label", "orders", "values", "before", "applied"}
     assert set(items.record(item)["before"]) == set(items.record(item)["applied"])
     for path, value in items.record(item)["applied"].items():
         assert settings.same(settings.get(scene, path), value), path
+
+
+# --- voxels ------------------------------------------------------------------------------------------------------
+
+
+def test_baking_keeps_place_material_and_animation(scene):
+    item = add("cumulus", resolution=24)
+    old = item.objects[0]
+    old.location.x += 100.0
+    old.rotation_euler.z = 0.5
+    bpy.context.view_layer.update()
+    placed = old.matrix_world.copy()
+    node = items.live_node(item)
+    node.inputs["Coverage"].default_value = 0.6
+    node.inputs["Extinction"].default_value = 0.125
+    node.inputs["Extinction"].keyframe_insert("default_value", frame=1)
+    material = old.material_slots[0].material
+    kept = items.values_of(item)
+    location = kept["location"]
+    assert "fill" in items.effective(item) and "droplet_diameter" not in items.effective(item)
+
+    items.bake_item(scene, item)
+    (body,) = item.objects
+    assert body.material_slots[0].material == material and material.node_tree.animation_data.action is not None
+    assert items.values_of(item) == kept | {"representation": "baked"} and not items.can_bake(item)
+    assert "fill" not in items.effective(item) and "extinction" in items.effective(item)
+    node = items.live_node(item)
+    assert node.inputs["Extinction"].default_value == pytest.approx(0.125)
+    assert all(any(s.is_linked for s in output.inputs) for output in material.node_tree.nodes
+               if output.bl_idname == "ShaderNodeOutputMaterial")
+    # The middle of the domain lies where the user had moved it.
+    bpy.context.view_layer.update()
+    turn = placed @ Matrix.Translation(location).inverted()
+    center = Matrix.Translation(body.matrix_world.translation)
+    local = turn.inverted() @ center.translation
+    size = kept["size"]
+    assert all(abs(local[k] - location[k]) < size[k] / 2 for k in range(3))
+    assert np.allclose(body.matrix_world.to_3x3(), placed.to_3x3(), atol=1e-6)
+    evaluated = body.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    assert evaluated.material_slots[0].material is not None
+    with pytest.raises(ValueError, match="no noise to bake"):
+        items.bake_item(scene, item)
+
+
+def test_a_baked_item_leaves_nothing_behind(scene):
+    before = data()
+    item = add("cumulus", resolution=16)
+    items.bake_item(scene, item)
+    remove(item)
+    assert data() == before
+    item = add("cumulus", resolution=16, representation="baked")
+    assert not items.can_bake(item)
+    remove(item)
+    assert data() == before

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..scene.model import NoiseShape, Scene
+from ..scene.model import NoiseShape, Volume
 
 OLDEST = (4, 5, 0)
 
@@ -60,12 +60,9 @@ def select_exr(image_settings: Any) -> None:
     image_settings.exr_codec = "ZIP"
 
 
-def as_evaluated(scene: Scene) -> Scene:
-    """The Scene with the random points that this Blender's textures have."""
-    def adapted(volume):
-        density = volume.medium.density
-        if not isinstance(density, NoiseShape):
-            return volume
-        return replace(volume, medium=replace(volume.medium, density=replace(density, cell_hash=current().cell_hash)))
-
-    return replace(scene, volumes=tuple(adapted(volume) for volume in scene.volumes))
+def as_evaluated(volume: Volume) -> Volume:
+    """The volume with the random points that this Blender's textures have."""
+    density = volume.medium.density
+    if not isinstance(density, NoiseShape):
+        return volume
+    return replace(volume, medium=replace(volume.medium, density=replace(density, cell_hash=current().cell_hash)))

@@ -158,12 +158,14 @@ def _noise_density(build: Tree, inputs: Sockets, values: Mapping[str, Any], shap
         "Roughness": inputs["noise_roughness"], "Lacunarity": 2.0, "Distortion": 0.0,
     }, noise_dimensions="3D", noise_type="FBM", normalize=True)
     centred = build.math("MULTIPLY_ADD", perlin.outputs[0], 2.0, -1.0)
-    body = build.math("SUBTRACT", inputs["fill"], _outline(build, values["profile"], *local))
+    distance = _outline(build, values["profile"], *local)
+    body = build.math("SUBTRACT", inputs["fill"], distance)
     margin = build.math("MULTIPLY_ADD", inputs["noise_strength"], centred, body)
     if values["billow_octaves"] > 0:
         bulge = _billows(build, coordinates(inputs["billow_size"], noise.BILLOW_RISE), values["billow_octaves"],
                          inputs["billow_roughness"])
         margin = build.math("MULTIPLY_ADD", inputs["billow_strength"], bulge, margin)
+    margin = build.math("MINIMUM", margin, build.math("SUBTRACT", 1.0, distance))
     density = build.math("DIVIDE", margin, inputs["softness"], clamp=True)
     if values["base"] > 0.0:
         up = build.math("MULTIPLY_ADD", local[2], 0.5, 0.5)

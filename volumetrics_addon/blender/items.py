@@ -16,11 +16,13 @@ import bpy
 from mathutils import Vector
 
 from ..parameters.families import FAMILIES
+from ..parameters.model import decimal
 from ..plan.model import CYCLES, EEVEE
-from ..plan.rules import participation, plan
+from ..plan.rules import is_baked, participation, plan
 from ..scene import assemble
+from ..scene.bake import voxelized
 from ..scene.model import Camera, Scene, add
-from . import build, compat, objects, settings
+from . import build, compat, grid, groups, objects, settings
 
 KEY = "volumetrics"
 TAG = "volumetrics_item"
@@ -46,6 +48,70 @@ def live_node(item: bpy.types.Collection) -> bpy.types.Node | None:
                 if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None and TAG in node.node_tree:
                     return node
     return None
+
+
+def values_of(item: bpy.types.Collection) -> dict[str, Any]:
+    """The item's parameters: as it was added, the live ones as they are now."""
+    mine = record(item)
+    family = FAMILIES[mine["family"]]
+    values = family.defaults() | mine.get("values", {})
+    node = live_node(item)
+    for parameter, socket in zip(family.live, node.inputs if node else ()):
+        value = socket.default_value
+        if parameter.kind == "float":
+            value = decimal(value)
+        elif parameter.kind in ("color", "vector"):
+            value = tuple(map(decimal, tuple(value)[:3]))
+        values[parameter.name] = value
+    return family.check(values)
+
+
+def effective(item: bpy.types.Collection) -> list[str]:
+    """Names of the live parameters that have an effect: not those of another phase function, nor of a shape that is baked."""
+    family, values = FAMILIES[record(item)["family"]], values_of(item)
+    if is_baked(values, interactive=True):
+        values["density"] = "baked"
+    return [parameter.name for parameter in family.live if family.applies(parameter.name, values)]
+
+
+def can_bake(item: bpy.types.Collection) -> bool:
+    values = values_of(item)
+    return values.get("density") == "noise" and not is_baked(values, interactive=True)
+
+
+def bake_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
+    """Replace the item's noise by voxels, where and as it is now. Its material, with its animation, stays.
+
+    Raises ValueError where there is no noise to bake.
+    """
+    if not can_bake(item):
+        raise ValueError(f"{item.name} has no noise to bake: it is homogeneous or made of voxels already")
+    mine, node = record(item), live_node(item)
+    values = values_of(item) | {"representation": "baked"}
+    old = next(candidate for candidate in item.objects if candidate.get(TAG) == mine["id"] and candidate.material_slots)
+    material = old.material_slots[0].material
+    before = {name: set(getattr(bpy.data, name)) for name in _OWNED}
+    volume, = assemble.ASSEMBLERS[mine["family"]](values, None).volumes
+    moved = old.matrix_world @ objects.placement(volume.domain).inverted()  # by the user, since it was added
+    volume = voxelized(compat.as_evaluated(volume), values["resolution"])
+    described = Scene(Camera((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 1.0), volumes=(volume,), orders=mine["orders"])
+    chosen, = plan(described, CYCLES, 1, has_null_scattering=compat.current().volume_biased).volume_settings
+    build.set_volume_material(material, chosen)
+    node.node_tree = groups.group(mine["family"], values, volume.domain, mine["label"], groups.fields_of(volume))
+    body = grid.body(volume, old.name, material, item)
+    body.matrix_world = moved @ objects.placement(volume.domain)
+    body.display_type, body.display_bounds_type = "BOUNDS", "BOX"
+    for child in old.children:
+        child.parent, child.matrix_parent_inverse = body, body.matrix_world.inverted()
+    name = old.name
+    bpy.data.meshes.remove(old.data)  # and with it the object
+    body.name = name
+    for kind in _OWNED:
+        for block in set(getattr(bpy.data, kind)) - before[kind]:
+            block[TAG] = mine["id"]
+    for group in [g for g in bpy.data.node_groups if g.get(TAG) == mine["id"] and g.users == 0]:
+        bpy.data.node_groups.remove(group)
+    item[KEY] = json.dumps(mine | {"values": values})
 
 
 def scene_bounds(scene: bpy.types.Scene) -> assemble.Bounds:
@@ -75,6 +141,8 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
             values[name] = add(values[name], offset)
     bounds = scene_bounds(scene) if family == "fog" else None
     item = assemble.ASSEMBLERS[family](values, bounds)
+    if is_baked(values, interactive=True):
+        item.volumes = tuple(voxelized(compat.as_evaluated(volume), values["resolution"]) for volume in item.volumes)
     described = Scene(Camera((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 1.0), item.lights, volumes=item.volumes,
                       surfaces=item.surfaces, orders=orders)
 
@@ -102,7 +170,7 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
             part.matrix_parent_inverse = domains[0].matrix_world.inverted()
     wanted = participation(described, lambda path, default: settings.get(scene, path))
     changed = settings.apply(scene, wanted)
-    collection[KEY] = json.dumps({"id": identity, "family": family, "label": label, "orders": orders,
+    collection[KEY] = json.dumps({"id": identity, "family": family, "label": label, "orders": orders, "values": values,
                                   "before": changed, "applied": wanted})
     return collection
 
@@ -123,7 +191,8 @@ def remove_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
         if guest.name not in scene.collection.children:
             scene.collection.children.link(guest)
     bpy.data.collections.remove(item)
-    for name in _OWNED:
+    # Twice: geometry nodes hold materials, which hold shader nodes.
+    for name in 2 * _OWNED:
         for block in list(getattr(bpy.data, name)):
             if block.get(TAG) == mine["id"] and block.users == 0:
                 getattr(bpy.data, name).remove(block)

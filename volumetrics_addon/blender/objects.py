@@ -41,7 +41,6 @@ def mesh(shape: Shape, name: str) -> tuple[bpy.types.Mesh, Matrix]:
                 build.faces.new(corners)
             else:
                 bmesh.ops.create_cube(build, size=2.0, matrix=Matrix.Diagonal((*shape.half, 1.0)))
-            placement = _frame(shape.axes, shape.center)
         case Ellipsoid():
             bmesh.ops.create_icosphere(build, subdivisions=SPHERE_SUBDIVISIONS, radius=1.0)
             # The facets lie inside the sphere; equal volume makes the mean chord right.
@@ -49,7 +48,6 @@ def mesh(shape: Shape, name: str) -> tuple[bpy.types.Mesh, Matrix]:
             bmesh.ops.scale(build, vec=Vector(shape.half) * swell, verts=build.verts)
             for face in build.faces:
                 face.smooth = True
-            placement = _frame(shape.axes, shape.center)
         case Cone():
             radius = shape.length * math.tan(shape.half_angle)
             tip = build.verts.new((0.0, 0.0, 0.0))
@@ -58,19 +56,24 @@ def mesh(shape: Shape, name: str) -> tuple[bpy.types.Mesh, Matrix]:
             for i, vertex in enumerate(ring):
                 build.faces.new((tip, vertex, ring[(i + 1) % CONE_SIDES]))
             build.faces.new(list(reversed(ring)))
-            right, up, back = look_frame(shape.axis)
-            placement = _frame((right, up, back), shape.apex)
     build.normal_update()
     build.to_mesh(data)
     build.free()
-    return data, placement
+    return data, placement(shape)
+
+
+def placement(shape: Shape) -> Matrix:
+    """Where the shape's mesh is placed in the world."""
+    if isinstance(shape, Cone):
+        return _frame(look_frame(shape.axis), shape.apex)
+    return _frame(shape.axes, shape.center)
 
 
 def body(shape: Shape, name: str, material: bpy.types.Material, collection: bpy.types.Collection) -> bpy.types.Object:
-    data, placement = mesh(shape, name)
+    data, where = mesh(shape, name)
     data.materials.append(material)
     result = bpy.data.objects.new(name, data)
-    result.matrix_world = placement
+    result.matrix_world = where
     collection.objects.link(result)
     return result
 

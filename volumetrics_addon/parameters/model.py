@@ -28,6 +28,11 @@ def shown(value: Any) -> str:
     return text if len(text) <= 80 else text[:77] + "..."
 
 
+def decimal(value: float) -> float:
+    """The decimal number that a float32 stands for. Blender holds 0.999 as 0.99900001, beyond its own limit."""
+    return float(f"{value:.7g}")
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One declared parameter.
@@ -51,6 +56,8 @@ class Parameter:
     choices: tuple[tuple[str, str], ...] = ()
     exclusive_minimum: bool = False
     title: str = ""  # shown to users where the name alone would not tell them what it is
+    # Name of another parameter of the group, and the values of it beside which this one has an effect; none: any but 0.
+    when: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         assert self.kind in KINDS, self.kind
@@ -167,6 +174,7 @@ class Group:
     def __post_init__(self) -> None:
         names = [parameter.name for parameter in self.parameters]
         assert len(names) == len(set(names)), f"{self.name} declares a parameter twice"
+        assert all(parameter.when[0] in names for parameter in self.parameters if parameter.when), self.name
 
     def __getitem__(self, name: str) -> Parameter:
         for parameter in self.parameters:
@@ -177,6 +185,13 @@ class Group:
     @property
     def live(self) -> tuple[Parameter, ...]:
         return tuple(parameter for parameter in self.parameters if parameter.live)
+
+    def applies(self, name: str, values: Mapping[str, Any]) -> bool:
+        """Whether the parameter has an effect beside these values of all parameters."""
+        if not self[name].when:
+            return True
+        other, *effective = self[name].when
+        return (values[other] in effective if effective else bool(values[other])) and self.applies(other, values)
 
     def defaults(self) -> dict[str, Any]:
         return {parameter.name: parameter.default for parameter in self.parameters}

@@ -8,7 +8,7 @@ ray marching (Blender 5 and later).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..scene.model import (
@@ -49,6 +49,17 @@ def reach(scene: Scene, position: Vector) -> float:
         else:
             farthest = max(farthest, math.dist(position, shape.center) + math.hypot(*shape.half))
     return farthest
+
+
+def is_baked(values: Mapping[str, Any], *, interactive: bool) -> bool:
+    """Whether a family's density becomes voxels, from its ``representation``; ``interactive``: in a user's own scene.
+
+    Left to the plan, a picture is rendered from voxels, which reach the same error sooner (measured by
+    scripts/bench_clouds.py), and a scene of the user's own keeps nodes, which stay live.
+    """
+    if values.get("density") != "noise":
+        return False
+    return values["representation"] == "baked" or (values["representation"] == "automatic" and not interactive)
 
 
 def light_threshold(scene: Scene) -> float:
@@ -121,6 +132,9 @@ def _cycles(scene: Scene, result: Plan, has_null_scattering: bool, seed: int) ->
     for volume, feature in zip(scene.volumes, features):
         homogeneous = isinstance(volume.medium.density, Homogeneous)
         settings = {"homogeneous_volume": homogeneous, "volume_sampling": _sampling(scene), "volume_step_rate": 1.0}
+        if isinstance(volume.medium.density, Grid):
+            result.decide("voxels", " x ".join(map(str, volume.medium.density.values.shape)),
+                          "a baked density reaches the same error sooner than its nodes")
         if homogeneous:
             result.decide("analytic path", "no density is sampled", "the medium is homogeneous")
         elif marched:

@@ -38,6 +38,7 @@ import numpy as np
 from ..physics import checks
 from ..physics.summed_area import SummedArea
 from ..physics.transfer_function import TransferFunction1D
+from ..scene import geometry
 from ..scene.model import Scene
 from . import ambient_scattering, emission_absorption, marching
 from .ambient_scattering import Lattice
@@ -99,7 +100,7 @@ def occlusion(scene: Scene, data: Classified | None, resolution: int, radius: fl
         _, sigma = data.transfer(values) if one else data.transfer(
             values, emission_absorption.values_at(data, position, data.gradient))
         grid = data.volume.medium.density
-        held = marching.inside(data.volume.domain, position) & ((position >= grid.low) & (position <= grid.high)).all(axis=1)
+        held = geometry.contains(data.volume.domain, position) & ((position >= grid.low) & (position <= grid.high)).all(axis=1)
         extinction = (sigma * held).reshape(*lattice.shape, 1)
     else:
         extinction = sum(ambient_scattering.mean_density(volume, lattice)[..., None] * np.array(volume.medium.sigma_t)

@@ -122,7 +122,7 @@ def mean_density(volume: Volume, lattice: Lattice) -> Array:
     total = np.zeros(np.prod(lattice.shape))
     for place in product(SUBCELLS, repeat=3):
         position = lattice.points(place)
-        rows = np.flatnonzero(marching.inside(volume.domain, position))
+        rows = np.flatnonzero(geometry.contains(volume.domain, position))
         total[rows] += optics.density_at(volume, position[rows]) / 8.0
     return total.reshape(lattice.shape)
 
@@ -195,7 +195,7 @@ def scattered(scene: Scene, ambient: Ambient, table: ambient_table.AmbientTable,
     tau = ambient.radius * ambient.lattice.read(ambient.extinction, position)
     media = []
     for volume in scene.volumes:
-        rows = np.flatnonzero(marching.inside(volume.domain, position))
+        rows = np.flatnonzero(geometry.contains(volume.domain, position))
         density = optics.density_at(volume, position[rows])
         rows, density = rows[density > 0.0], density[density > 0.0]
         media.append((volume, rows, density[:, None] * np.array(volume.medium.sigma_s)))

@@ -118,7 +118,7 @@ def glow(scene: Scene, position: Array, direction: Array) -> tuple[Array, Array]
     epsilon = 1e-7 * optics.scale_of(scene)
     uniform = np.array(scene.environment) + optics.ambient_radiance(scene)
     for volume in scene.volumes:
-        rows = np.flatnonzero(marching.inside(volume.domain, position))
+        rows = np.flatnonzero(geometry.contains(volume.domain, position))
         arriving = np.tile(uniform, (len(rows), 1))
         for light in scene.lights:
             toward, distance, irradiance = optics.arriving(light, position[rows])
@@ -133,7 +133,7 @@ def scattering(scene: Scene, position: Array) -> Array:
     """Scattering coefficient (n, 3) of all media at positions (n, 3), in 1/m."""
     total = np.zeros((len(position), 3))
     for volume in scene.volumes:
-        rows = np.flatnonzero(marching.inside(volume.domain, position))
+        rows = np.flatnonzero(geometry.contains(volume.domain, position))
         total[rows] += optics.density_at(volume, position[rows])[:, None] * np.array(volume.medium.sigma_s)
     return total
 

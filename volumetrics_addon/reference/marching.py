@@ -82,21 +82,6 @@ def rays_at_once(samples: int) -> int:
 # --- media --------------------------------------------------------------------------------------------------
 
 
-def inside(shape: Shape, position: Array) -> Array:
-    """Whether positions (n, 3) lie in the shape."""
-    match shape:
-        case Box():
-            return (np.abs((position - np.array(shape.center)) @ np.array(shape.axes).T) <= np.array(shape.half)).all(axis=1)
-        case Ellipsoid():
-            local = (position - np.array(shape.center)) @ np.array(shape.axes).T / np.array(shape.half)
-            return np.einsum("ni,ni->n", local, local) <= 1.0
-        case Cone():
-            offset = position - np.array(shape.apex)
-            height = offset @ np.array(shape.axis)
-            return (height >= np.linalg.norm(offset, axis=1) * np.cos(shape.half_angle)) & (height <= shape.length)
-    raise TypeError(f"{shape!r} is not a shape of the Scene")
-
-
 def media_interval(scene: Scene, origin: Array, direction: Array, hit: Array) -> tuple[Array, Array]:
     """Front and back depth (n,) of all media along rays that end at ``hit``; both 0 where a ray meets none."""
     front, back = np.full(len(direction), np.inf), np.zeros(len(direction))
@@ -121,7 +106,7 @@ def _densities(scene: Scene, position: Array) -> list[tuple[Volume, Array, Array
     """Of each volume: itself, the rows (m,) of the positions in it, and the density (m,) there."""
     found = []
     for volume in scene.volumes:
-        rows = np.flatnonzero(inside(volume.domain, position))
+        rows = np.flatnonzero(geometry.contains(volume.domain, position))
         found.append((volume, rows, optics.density_at(volume, position[rows])))
     return found
 

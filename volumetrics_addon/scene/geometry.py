@@ -261,3 +261,18 @@ def _ellipsoid_shadow(shape: Ellipsoid, origin: Array, direction: Array, light: 
     body = near < far
     return (np.minimum(np.where(shaded, low, np.inf), np.where(body, near, np.inf)),
             np.maximum(np.where(shaded, high, -np.inf), np.where(body, far, -np.inf)))
+
+
+def contains(shape: Shape, position: Array) -> Array:
+    """Whether positions (n, 3) lie in the shape."""
+    match shape:
+        case Box():
+            return (np.abs((position - np.array(shape.center)) @ np.array(shape.axes).T) <= np.array(shape.half)).all(axis=1)
+        case Ellipsoid():
+            local = (position - np.array(shape.center)) @ np.array(shape.axes).T / np.array(shape.half)
+            return np.einsum("ni,ni->n", local, local) <= 1.0
+        case Cone():
+            offset = position - np.array(shape.apex)
+            height = offset @ np.array(shape.axis)
+            return (height >= np.linalg.norm(offset, axis=1) * np.cos(shape.half_angle)) & (height <= shape.length)
+    raise TypeError(f"{shape!r} is not a shape of the Scene")

@@ -120,7 +120,7 @@ CELL_HASHES = ("pcg3d", "lookup3")
 class NoiseShape:
     """A cloud: billows and wisps cut from a smooth body by fractal Perlin noise and by cells.
 
-    density = clamp((fill - d + noise_strength (2 n - 1) + billow_strength b) / softness, 0, 1) s, with
+    density = clamp(min(fill - d + noise_strength (2 n - 1) + billow_strength b, 1 - d) / softness, 0, 1) s, with
 
     * d the distance from the body's middle, 1 at the faces of the domain, by ``profile``. With q = (p - center) / half,
       r^2 = qx^2 + qy^2 and the height u = (qz + 1) / 2 over the domain's floor: round (r^2 + qz^2)^1/2, dome

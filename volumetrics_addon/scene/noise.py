@@ -24,7 +24,7 @@ BILLOW_MEAN = 0.37  # about the mean of the squared distance to the nearest poin
 # How far a step of evolution lifts the two kinds of noise through one another, in their own sizes.
 EVOLUTION_RISE, BILLOW_RISE = 1.0, 2.5
 # Shares of the domain that the two parts of an anvil fill: width of the column, height and thickness of the anvil.
-COLUMN_WIDTH, ANVIL_HEIGHT, ANVIL_THICKNESS = 0.55, 0.8, 0.2
+COLUMN_WIDTH, ANVIL_HEIGHT, ANVIL_THICKNESS = 0.6, 0.8, 0.2
 
 
 def seed_offset(seed: int) -> np.ndarray:
@@ -262,7 +262,8 @@ def implementation(compiled):
     def margin(s, at, x, y, z):
         x, y, z = x - s[at], y - s[at + 1], z - s[at + 2]
         u, v, w = x / s[at + 3], y / s[at + 4], z / s[at + 5]
-        value = s[at + 13] - outline(int(s[at + 15]), u * u + v * v, w)
+        distance = outline(int(s[at + 15]), u * u + v * v, w)
+        value = s[at + 13] - distance
         x, y, z = (x - s[at + 17]) / s[at + 16], y - s[at + 18], z - s[at + 19]
         if s[at + 12] != 0.0:
             size = s[at + 6]
@@ -274,7 +275,7 @@ def implementation(compiled):
             value = value + s[at + 22] * billows(
                 x / size + s[at + 7], y / size + s[at + 8], z / size + s[at + 9] - BILLOW_RISE * s[at + 20],
                 int(s[at + 23]), s[at + 24], int(s[at + 26]))
-        return value / s[at + 14]
+        return np.minimum(value, 1.0 - distance) / s[at + 14]
 
     @compiled
     def density(s, at, x, y, z):

@@ -34,8 +34,11 @@ class VOLUMETRICS_PT_main(bpy.types.Panel):
         header, body = layout.panel_prop(settings, "show_parameters")
         header.label(text="Parameters")
         if body:
+            chosen = getattr(settings, preset.family)
+            current = {parameter.name: getattr(chosen, parameter.name) for parameter in preset.group.parameters}
             for parameter in preset.group.parameters:
-                _field(body, parameter, getattr(settings, preset.family), parameter.name)
+                if preset.group.applies(parameter.name, current):
+                    _field(body, parameter, chosen, parameter.name)
             _field(body, STAGE["orders"], settings, "orders")
         for item in items.items(context.scene):
             _item(layout, item)
@@ -70,8 +73,12 @@ def _item(layout: bpy.types.UILayout, item: bpy.types.Collection) -> None:
     header.operator("volumetrics.remove", text="", icon="TRASH", emboss=False).item = item.name
     node = items.live_node(item)
     if body and node is not None:
+        if items.can_bake(item):
+            body.operator("volumetrics.bake", icon="LIGHTPROBE_VOLUME").item = item.name
+        shown = items.effective(item)
         for parameter, socket in zip(FAMILIES[family].live, node.inputs):
-            _field(body, parameter, socket, "default_value")
+            if parameter.name in shown:
+                _field(body, parameter, socket, "default_value")
 
 
 CLASSES = (VOLUMETRICS_PT_main,)

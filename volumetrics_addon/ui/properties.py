@@ -12,7 +12,7 @@ import bpy
 
 from ..parameters import preset as presets
 from ..parameters.families import FAMILIES
-from ..parameters.model import Group, Parameter
+from ..parameters.model import Group, Parameter, decimal
 from ..parameters.stage import STAGE
 
 ICONS = {"cloud": "OUTLINER_OB_VOLUME", "glass": "MATSPHERE", "fog": "MOD_OCEAN", "godray": "LIGHT_SPOT"}
@@ -100,16 +100,11 @@ def values(settings: bpy.types.PropertyGroup) -> dict[str, Any]:
         value = getattr(target, parameter.name)
         match parameter.kind:
             case "float":
-                value = _decimal(value / _factor(parameter))
+                value = decimal(value / _factor(parameter))
             case "color" | "vector":
-                value = tuple(map(_decimal, value))
+                value = tuple(map(decimal, value))
         result[parameter.name] = value
     return result
-
-
-def _decimal(value: float) -> float:
-    """The decimal number that a property stands for. It holds a float32: 0.999 as 0.99900001, beyond its own limit."""
-    return float(f"{value:.7g}")
 
 
 class VolumetricsSettings(bpy.types.PropertyGroup):
