@@ -39,7 +39,7 @@ def slice_by_cycles(values, half):
     emission = outer.node("ShaderNodeEmission", {"Color": (1, 1, 1, 1), "Strength": node.outputs[0]})
     outer.feed(socket_of(outer.node("ShaderNodeOutputMaterial").inputs, "Surface"), emission.outputs[0])
     scene = Scene(Camera((0.0, -100.0, 0.0), (0.0, 1.0, 0.0), 2 * math.atan(half[0] / 100.0)))
-    built = build.build(scene, [], plan(scene, "cycles", 1, has_null_scattering=compat.current().volume_biased), "density")
+    built = build.build(scene, [], plan(scene, [], "cycles", 1, has_null_scattering=compat.current().volume_biased), "density")
     objects.body(Box((0, 0, 0), (half[0], 0.0, half[2])), "cut", material, built.collection)
     built.camera.data.clip_end, built.camera.data.clip_start = 200.0, 1.0
     built.cycles.pixel_filter_type, built.cycles.filter_width = "GAUSSIAN", 0.01

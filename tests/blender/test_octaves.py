@@ -87,11 +87,13 @@ def test_one_octave_is_single_scattering():
 
 
 def test_the_plan_follows_the_octaves():
-    scene = verify.scene_of(preset(OCTAVES, 50))
-    made = plan(scene, "cycles", 4)
+    chosen = preset(OCTAVES, 50)
+    scene = verify.scene_of(chosen)
+    made = plan(scene, [assemble.body("cloud", chosen.parameters, scene.volumes)], "cycles", 4)
     assert made.settings["cycles.volume_bounces"] == 2 and "octaves" in [decision.rule for decision in made.decisions]
     beside = replace(scene, volumes=(*scene.volumes, replace(scene.volumes[0], octaves=None)))
-    assert plan(beside, "cycles", 4).settings["cycles.volume_bounces"] == 49
+    bodies = [assemble.body("cloud", chosen.parameters, (volume,)) for volume in beside.volumes]
+    assert plan(beside, bodies, "cycles", 4).settings["cycles.volume_bounces"] == 49
 
 
 def test_more_contribution_than_extinction_is_refused():

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -10,7 +11,9 @@ from typing import Any
 import bpy
 
 from ..plan.model import CYCLES, Plan
-from ..scene.model import Box, Cone, Ellipsoid, Grid, Scene, Shape, Sun, Volume
+from ..scene import units
+from ..scene.body import Body
+from ..scene.model import Box, Cone, Ellipsoid, Grid, Light, Scene, Shape, Sun
 from . import compat, grid, groups, objects, settings
 from .nodes import Tree, socket_of
 
@@ -28,41 +31,41 @@ def temporary() -> Iterator[None]:
         bpy.data.batch_remove(made)
 
 
-def add_volumes(family: str, values: Mapping[str, Any], volumes: tuple[Volume, ...], name: str,
-                collection: bpy.types.Collection) -> list[bpy.types.Object]:
-    result = []
-    for volume in volumes:
-        material = groups.material(family, values, volume.domain, name, groups.fields_of(volume))
-        if isinstance(volume.medium.density, Grid):
-            domain = grid.body(volume, name, material, collection)
-        else:
-            domain = objects.body(volume.domain, name, material, collection)
-        if volume.boundary is None:  # a box, ball or cone of lines: the faces of the mesh would fill the view
-            domain.display_type = "BOUNDS"
-            domain.display_bounds_type = {Box: "BOX", Ellipsoid: "SPHERE", Cone: "CONE"}[type(volume.domain)]
-        result.append(domain)
+def add_body(body: Body, name: str, collection: bpy.types.Collection) -> bpy.types.Object:
+    """The object that holds the body's media, with the material of its family."""
+    first = body.volumes[0]
+    material = groups.material(body.family, body.values, body.domain, name, groups.fields_of(first))
+    if isinstance(first.medium.density, Grid):
+        result = grid.body(first, name, material, collection)
+    else:
+        result = objects.body(body.domain, name, material, collection)
+    if first.boundary is None:  # a box, ball or cone of lines: the faces of the mesh would fill the view
+        result.display_type = "BOUNDS"
+        result.display_bounds_type = {Box: "BOX", Ellipsoid: "SPHERE", Cone: "CONE"}[type(body.domain)]
     return result
 
 
-def build(scene: Scene, parameters: Sequence[tuple[str, Mapping[str, Any]]], plan: Plan, label: str) -> bpy.types.Scene:
-    """A Blender scene that shows the Scene, with the plan's settings applied.
+def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str) -> bpy.types.Scene:
+    """A Blender scene that shows the Scene in the plan's unit of length, with the plan's settings applied.
 
-    ``parameters`` holds the family of each volume and its values, from a preset or from scene.describe.
+    ``bodies`` holds the scene's volumes, from a preset or from scene.describe.
     """
+    if plan.unit != 1.0:
+        scene, bodies = units.scaled(scene, 1.0 / plan.unit), [units.scaled_body(body, 1.0 / plan.unit) for body in bodies]
     result = bpy.data.scenes.new("Volumetrics")
     collection = result.collection
-    for volume, (family, values), settings_of_volume in zip(scene.volumes, parameters, plan.volume_settings, strict=True):
-        domain, = add_volumes(family, values, (volume,), label, collection)
+    for body, settings_of_volume in zip(bodies, plan.volume_settings, strict=True):
+        domain = add_body(body, label, collection)
         set_volume_material(domain.material_slots[0].material, settings_of_volume)
     for index, source in enumerate(scene.lights):
         objects.light(source, f"{label} light {index}", collection)
     for index, surface in enumerate(scene.surfaces):
         objects.body(surface.shape, f"{label} body {index}",
-                     objects.surface_material(surface, f"{label} body {index}"), collection)
+                     objects.surface_material(surface, f"{label} body {index}"), collection, scene.camera.position)
     if plan.light_enclosure:
-        add_enclosure(scene, "Light enclosure", collection)
+        add_enclosure(scene.lights, bodies, "Light enclosure", collection)
     result.world = objects.world(scene.environment, "Volumetrics world")
-    result.camera = objects.camera(scene.camera, clip_range(scene), "Volumetrics camera", collection)
+    result.camera = objects.camera(scene.camera, clip_range(scene, bodies), "Volumetrics camera", collection)
     render = result.render
     render.engine = "CYCLES" if plan.engine == CYCLES else compat.current().eevee
     render.film_transparent = False
@@ -88,24 +91,25 @@ def bounds(shape: Shape) -> tuple[list[float], list[float]]:
     return [min(p[i] for p in points) for i in range(3)], [max(p[i] for p in points) for i in range(3)]
 
 
-def enclosure(scene: Scene) -> Box:
+def enclosure(lights: Sequence[Light], bodies: Sequence[Body]) -> Box:
     """Box around all media and all lights that stand somewhere, one hundredth larger."""
-    points = [corner for volume in scene.volumes for corner in bounds(volume.domain)]
-    points += [light.position for light in scene.lights if not isinstance(light, Sun)]
+    points = [corner for body in bodies for corner in bounds(body.domain)]
+    points += [light.position for light in lights if not isinstance(light, Sun)]
     low, high = ([f(p[i] for p in points) for i in range(3)] for f in (min, max))
     pad = 0.01 * max(h - l for l, h in zip(low, high))
     center = tuple((l + h) / 2 for l, h in zip(low, high))
     return Box(center, tuple((h - l) / 2 + pad for l, h in zip(low, high)))
 
 
-def add_enclosure(scene: Scene, name: str, collection: bpy.types.Collection) -> bpy.types.Object:
+def add_enclosure(lights: Sequence[Light], bodies: Sequence[Body], name: str,
+                  collection: bpy.types.Collection) -> bpy.types.Object:
     """An empty volume for EEVEE alone: its output has EEVEE as target, and rays of Cycles pass it by."""
     material = bpy.data.materials.new(name)
     build_tree = Tree(compat.use_nodes(material))
     output = build_tree.node("ShaderNodeOutputMaterial", target="EEVEE")
     empty = build_tree.node("ShaderNodeVolumeScatter", {"Density": 0.0})
     build_tree.feed(socket_of(output.inputs, "Volume"), empty.outputs[0])
-    result = objects.body(enclosure(scene), name, material, collection)
+    result = objects.body(enclosure(lights, bodies), name, material, collection)
     result.display_type = "WIRE"
     result.hide_select = True
     for ray in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
@@ -113,13 +117,21 @@ def add_enclosure(scene: Scene, name: str, collection: bpy.types.Collection) -> 
     return result
 
 
-def clip_range(scene: Scene) -> tuple[float, float]:
+def clip_range(scene: Scene, bodies: Sequence[Body]) -> tuple[float, float]:
     """Camera clipping that holds the whole scene, with a ratio that EEVEE's depth can resolve."""
-    reach = 0.0
-    shapes = [volume.domain for volume in scene.volumes] + [surface.shape for surface in scene.surfaces]
-    for shape in shapes:
-        for corner in bounds(shape):
-            reach = max(reach, sum((c - p) ** 2 for c, p in zip(corner, scene.camera.position)) ** 0.5)
+    eye = scene.camera.position
+    reach, clearance = 0.0, math.inf
+    for shape in (surface.shape for surface in scene.surfaces):
+        if isinstance(shape, Ellipsoid) and objects.is_ground(shape, eye):
+            # What a planet hides is never in the picture.
+            distance, radius = math.dist(eye, shape.center), max(shape.half)
+            reach = max(reach, math.sqrt(max(0.0, (distance - radius) * (distance + radius))))
+            clearance = min(clearance, abs(distance - radius))
+        else:
+            reach = max(reach, *(math.dist(corner, eye) for corner in bounds(shape)))
+    for body in bodies:
+        reach = max(reach, *(math.dist(corner, eye) for corner in bounds(body.domain)))
     # Two opposite corners of the bounds do not hold the farthest one: their diagonal does.
     reach = 2.0 * max(reach, 1e-3)
-    return reach * 1e-4, reach
+    # From a tower the ground below is nearer than a ten thousandth of the air's reach.
+    return max(1e-7 * reach, min(1e-4 * reach, 0.5 * clearance)), reach

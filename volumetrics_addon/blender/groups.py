@@ -15,8 +15,9 @@ from typing import Any
 
 import bpy
 
-from ..parameters.families import FAMILIES
+from ..parameters.model import Group
 from ..scene import noise
+from ..scene.assemble import PER_KILOMETRE
 from ..scene.model import Box, Ellipsoid, Grid, Shape, Volume
 from . import grid
 from .compat import use_nodes
@@ -45,16 +46,15 @@ def fields_of(volume: Volume) -> Fields:
     return Fields(True, grid.needs_cut(volume))
 
 
-def group(family: str, values: Mapping[str, Any], shape: Shape, name: str, fields: Fields = Fields()) -> bpy.types.NodeTree:
+def group(family: Group, values: Mapping[str, Any], shape: Shape, name: str, fields: Fields = Fields()) -> bpy.types.NodeTree:
     """The node group of a family for these build-time values; live values are set on the node that uses it."""
-    declared = FAMILIES[family]
     tree = bpy.data.node_groups.new(name, "ShaderNodeTree")
-    for parameter in declared.live:
+    for parameter in family.live:
         add_input(tree, parameter)
     build = Tree(tree)
     entry = build.node("NodeGroupInput")
-    inputs = {parameter.name: entry.outputs[index] for index, parameter in enumerate(declared.live)}
-    outputs = BUILDERS[family](build, inputs, values, shape, fields)
+    inputs = {parameter.name: entry.outputs[index] for index, parameter in enumerate(family.live)}
+    outputs = BUILDERS[family.name](build, inputs, values, shape, fields)
     for label, socket in outputs.items():
         kind = "NodeSocketShader" if socket.type == "SHADER" else "NodeSocketFloat"
         tree.interface.new_socket(label, in_out="OUTPUT", socket_type=kind)
@@ -65,14 +65,14 @@ def group(family: str, values: Mapping[str, Any], shape: Shape, name: str, field
     return tree
 
 
-def material(family: str, values: Mapping[str, Any], shape: Shape, name: str,
+def material(family: Group, values: Mapping[str, Any], shape: Shape, name: str,
              fields: Fields = Fields()) -> bpy.types.Material:
     """A material with the family's group and one Material Output per engine."""
     result = bpy.data.materials.new(name)
     build = Tree(use_nodes(result))
     node = build.node("ShaderNodeGroup", node_tree=group(family, values, shape, name, fields))
     node.width = 240
-    for index, parameter in enumerate(FAMILIES[family].live):
+    for index, parameter in enumerate(family.live):
         node.inputs[index].default_value = socket_value(parameter, values[parameter.name])
     for prefix, target in ENGINES.items():
         output = build.node("ShaderNodeOutputMaterial", target=target)
@@ -269,6 +269,45 @@ def _fog(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, 
     return _one_lobe(build, inputs["albedo"], extinction, inputs["g"])
 
 
+def _air(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
+    """Molecules and aerosol for Cycles; for EEVEE one lobe with the mean cosine of both at each altitude."""
+    altitude = _altitude(build, values["planet_radius"], values["base_height"])
+
+    def coefficient(at_ground: str, scale_height: str) -> bpy.types.NodeSocket:
+        depth = build.math("MULTIPLY", build.math("DIVIDE", altitude, inputs[scale_height]), -1.0)
+        ground = build.math("MULTIPLY", inputs[at_ground], PER_KILOMETRE)
+        return build.math("MULTIPLY", ground, build.math("EXPONENT", depth))
+
+    rayleigh = coefficient("rayleigh_scattering", "rayleigh_scale_height")
+    mie = coefficient("mie_extinction", "mie_scale_height")
+    molecules = build.node("ShaderNodeVolumeScatter", {"Color": inputs["rayleigh_color"], "Density": rayleigh}, phase="RAYLEIGH")
+    aerosol = _scatter(build, inputs["mie_albedo"], mie, inputs["mie_g"])
+    absorption = build.node("ShaderNodeVolumeAbsorption", {"Color": inputs["mie_albedo"], "Density": mie}).outputs[0]
+
+    # A colour of at most 1 times a density: the share of each in the sum of both.
+    parts = [build.scale(inputs["rayleigh_color"], rayleigh), build.scale(inputs["mie_albedo"], mie)]
+    total = build.math("ADD", rayleigh, mie)
+    color = build.scale(build.vector("ADD", *parts), build.math("DIVIDE", 1.0, total))
+    amounts = [build.scalar("DOT_PRODUCT", part, (1.0 / 3.0,) * 3) for part in parts]
+    g = build.math("MULTIPLY", inputs["mie_g"], build.math("DIVIDE", amounts[1], build.math("ADD", *amounts)))
+    return {"Cycles Volume": build.shader_sum(molecules.outputs[0], aerosol, absorption),
+            "EEVEE Volume": build.shader_sum(_scatter(build, color, total, g), absorption)}
+
+
+def _altitude(build: Tree, radius: float, base: float) -> bpy.types.NodeSocket:
+    """Altitude above the planet's ground, 0 below it.
+
+    h = |p - center| - R cancels in float32, to half a metre on the Earth. With p counted from the ground at the origin,
+    h = (p.p + 2 R z) / (sqrt(x^2 + y^2 + (R + z)^2) + R), which keeps the digits of p.
+    """
+    position = socket_of(build.node("ShaderNodeNewGeometry").outputs, "Position")
+    offset = build.vector("SUBTRACT", position, (0.0, 0.0, base))
+    z = build.components(offset)[2]
+    above = build.math("MULTIPLY_ADD", z, 2.0 * radius, build.scalar("DOT_PRODUCT", offset, offset))
+    distance = build.scalar("LENGTH", build.vector("ADD", offset, (0.0, 0.0, radius)))
+    return build.math("MAXIMUM", build.math("DIVIDE", above, build.math("ADD", distance, radius)), 0.0)
+
+
 def _godray(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
     return _one_lobe(build, inputs["albedo"], inputs["extinction"], inputs["g"])
 
@@ -321,4 +360,5 @@ def _refracted_path(build: Tree, ior: Any, shape: Shape) -> bpy.types.NodeSocket
     return build.math("MINIMUM", build.math("MINIMUM", far[0], far[1]), far[2])
 
 
-BUILDERS: dict[str, Callable[..., Outputs]] = {"cloud": _cloud, "glass": _glass, "fog": _fog, "godray": _godray}
+BUILDERS: dict[str, Callable[..., Outputs]] = {"cloud": _cloud, "glass": _glass, "fog": _fog, "godray": _godray,
+                                           "air": _air}

@@ -94,10 +94,11 @@ def bake_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
     volume, = assemble.ASSEMBLERS[mine["family"]](values, None).volumes
     moved = old.matrix_world @ objects.placement(volume.domain).inverted()  # by the user, since it was added
     volume = voxelized(compat.as_evaluated(volume), values["resolution"])
+    medium = assemble.body(mine["family"], values, (volume,))
     described = Scene(Camera((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 1.0), volumes=(volume,), orders=mine["orders"])
-    chosen, = plan(described, CYCLES, 1, has_null_scattering=compat.current().volume_biased).volume_settings
-    build.set_volume_material(material, chosen)
-    node.node_tree = groups.group(mine["family"], values, volume.domain, mine["label"], groups.fields_of(volume))
+    cycles = plan(described, [medium], CYCLES, 1, has_null_scattering=compat.current().volume_biased)
+    build.set_volume_material(material, *cycles.volume_settings)
+    node.node_tree = groups.group(medium.family, values, volume.domain, mine["label"], groups.fields_of(volume))
     body = grid.body(volume, old.name, material, item)
     body.matrix_world = moved @ objects.placement(volume.domain)
     body.display_type, body.display_bounds_type = "BOUNDS", "BOX"
@@ -143,31 +144,34 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     item = assemble.ASSEMBLERS[family](values, bounds)
     if is_baked(values, interactive=True):
         item.volumes = tuple(voxelized(compat.as_evaluated(volume), values["resolution"]) for volume in item.volumes)
-    described = Scene(Camera((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 1.0), item.lights, volumes=item.volumes,
+    # The camera is not known here; a planet's ground is seen from about where it passes through the origin.
+    eye = (0.0, 0.0, values.get("base_height", 0.0))
+    described = Scene(Camera(eye, (0.0, 1.0, 0.0), 1.0), item.lights, volumes=item.volumes,
                       surfaces=item.surfaces, orders=orders)
 
     before = {name: set(getattr(bpy.data, name)) for name in _OWNED}
     collection = bpy.data.collections.new(label)
     scene.collection.children.link(collection)
-    domains = build.add_volumes(family, values, item.volumes, label, collection)
-    cycles = plan(described, CYCLES, 1, has_null_scattering=compat.current().volume_biased)
-    for domain, chosen in zip(domains, cycles.volume_settings):
-        build.set_volume_material(domain.material_slots[0].material, chosen)
+    medium = assemble.body(family, values, item.volumes)
+    domain = build.add_body(medium, label, collection)
+    cycles = plan(described, [medium], CYCLES, 1, has_null_scattering=compat.current().volume_biased)
+    build.set_volume_material(domain.material_slots[0].material, *cycles.volume_settings)
     for source in item.lights:
         objects.light(source, f"{label} light", collection)
     for surface in item.surfaces:
-        objects.body(surface.shape, f"{label} blocker", objects.surface_material(surface, f"{label} blocker"), collection)
-    if plan(described, EEVEE, 1).light_enclosure:
-        build.add_enclosure(described, f"{label} light enclosure", collection)
+        part = f"{label} {'ground' if family == 'air' else 'blocker'}"
+        objects.body(surface.shape, part, objects.surface_material(surface, part), collection, eye)
+    if plan(described, [medium], EEVEE, 1).light_enclosure:
+        build.add_enclosure(described.lights, [medium], f"{label} light enclosure", collection)
 
     identity = uuid.uuid4().hex
     for name in _OWNED:
         for block in set(getattr(bpy.data, name)) - before[name]:
             block[TAG] = identity
     for part in collection.objects:  # whatever belongs to the item moves with its domain
-        if part != domains[0]:
-            part.parent = domains[0]
-            part.matrix_parent_inverse = domains[0].matrix_world.inverted()
+        if part != domain:
+            part.parent = domain
+            part.matrix_parent_inverse = domain.matrix_world.inverted()
     wanted = participation(described, lambda path, default: settings.get(scene, path))
     changed = settings.apply(scene, wanted)
     collection[KEY] = json.dumps({"id": identity, "family": family, "label": label, "orders": orders, "values": values,

@@ -9,11 +9,16 @@ import bmesh
 import bpy
 from mathutils import Matrix, Vector
 
-from ..scene.model import Box, Camera, Color, Cone, Ellipsoid, Light, Shape, Sun, Surface, look_frame
+from ..scene.model import (
+    Box, Camera, Color, Cone, Ellipsoid, Light, Shape, Sun, Surface, add, look_frame, normalized, scaled, subtract,
+)
 from .compat import use_nodes
 from .nodes import Tree, arrange, socket_of
 
 SPHERE_SUBDIVISIONS = 6
+NEAR_GROUND = 0.01  # of the radii: 64 km above the Earth
+RING_GROWTH = 0.05  # of the angle from ring to ring, and of the way around in each
+FIRST_RING = 1e-5  # rad: 64 m on the Earth, where the ground falls by 0.3 mm
 CONE_SIDES = 128
 
 
@@ -24,8 +29,14 @@ def _frame(axes: tuple, center: tuple) -> Matrix:
     return result
 
 
-def mesh(shape: Shape, name: str) -> tuple[bpy.types.Mesh, Matrix]:
-    """A closed mesh in metres around its own origin, and its placement in the world."""
+def mesh(shape: Shape, name: str, eye: tuple[float, float, float] | None = None) -> tuple[bpy.types.Mesh, Matrix]:
+    """A closed mesh in metres around its own origin, and its placement in the world.
+
+    An ellipsoid with the ``eye`` so near to it that facets of equal size would show is meshed as rings around the nearest
+    point, which is then the mesh's origin.
+    """
+    if eye is not None and isinstance(shape, Ellipsoid) and is_ground(shape, eye):
+        return rings(shape, eye, name)
     data = bpy.data.meshes.new(name)
     build = bmesh.new()
     match shape:
@@ -69,8 +80,55 @@ def placement(shape: Shape) -> Matrix:
     return _frame(shape.axes, shape.center)
 
 
-def body(shape: Shape, name: str, material: bpy.types.Material, collection: bpy.types.Collection) -> bpy.types.Object:
-    data, where = mesh(shape, name)
+def is_ground(shape: Ellipsoid, eye: tuple[float, float, float]) -> bool:
+    """Whether the eye is nearer to the ellipsoid than ten thousandths of its radii."""
+    return abs(math.hypot(*_unit_sphere(shape, eye)) - 1.0) < NEAR_GROUND
+
+
+def _unit_sphere(shape: Ellipsoid, point: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The point where the ellipsoid is the unit sphere around the origin."""
+    offset = subtract(point, shape.center)
+    return tuple(sum(o * a for o, a in zip(offset, axis)) / half for axis, half in zip(shape.axes, shape.half))
+
+
+def rings(shape: Ellipsoid, eye: tuple[float, float, float], name: str) -> tuple[bpy.types.Mesh, Matrix]:
+    """An ellipsoid as rings around the point next to the eye, whose angles grow geometrically.
+
+    A facet at the distance d is as long as RING_GROWTH d and lies (RING_GROWTH d)^2 / (8 R) below the ball of radius R: on
+    the Earth 0.06 m at the horizon of a 100 m tower, where a subdivided icosahedron lies 200 m below everywhere. Vertices
+    are counted from that point, sin and 1 - cos of the angles in closed form, so that float32 is exact near the eye. They
+    lie on the ellipsoid, so that an eye above it is above the mesh.
+    """
+    pole = normalized(_unit_sphere(shape, eye))
+    east, north, _ = look_frame(scaled(pole, -1.0))
+    angles = [FIRST_RING]
+    while angles[-1] * (1.0 + RING_GROWTH) < math.pi:
+        angles.append(angles[-1] * (1.0 + RING_GROWTH))
+
+    def vertex(angle: float, turn: float) -> tuple[float, float, float]:
+        across, drop = math.sin(angle), -2.0 * math.sin(angle / 2.0) ** 2
+        c, s = across * math.cos(turn), across * math.sin(turn)
+        return tuple(half * (c * e + s * n + drop * p) for half, e, n, p in zip(shape.half, east, north, pole))
+
+    sides = math.ceil(2.0 * math.pi / RING_GROWTH)
+    turns = [2.0 * math.pi * i / sides for i in range(sides)]
+    vertices = [(0.0, 0.0, 0.0), *(vertex(angle, turn) for angle in angles for turn in turns), vertex(math.pi, 0.0)]
+    pairs = [(i, (i + 1) % sides) for i in range(sides)]
+    first, last, end = 1, 1 + sides * (len(angles) - 1), len(vertices) - 1
+    faces = [(0, first + i, first + j) for i, j in pairs]
+    faces += [(low + i, low + sides + i, low + sides + j, low + j) for low in range(first, last, sides) for i, j in pairs]
+    faces += [(last + i, end, last + j) for i, j in pairs]
+    data = bpy.data.meshes.new(name)
+    data.from_pydata(vertices, [], faces)
+    data.polygons.foreach_set("use_smooth", [True] * len(faces))
+    data.update()
+    origin = add(shape.center, tuple(sum(p * h * axis[i] for p, h, axis in zip(pole, shape.half, shape.axes)) for i in range(3)))
+    return data, _frame(shape.axes, origin)
+
+
+def body(shape: Shape, name: str, material: bpy.types.Material, collection: bpy.types.Collection,
+         eye: tuple[float, float, float] | None = None) -> bpy.types.Object:
+    data, where = mesh(shape, name, eye)
     data.materials.append(material)
     result = bpy.data.objects.new(name, data)
     result.matrix_world = where

@@ -21,6 +21,8 @@ import numpy as np
 from ..parameters.preset import Preset
 from ..plan.model import CYCLES, Plan
 from ..plan.rules import plan as make_plan
+from ..scene.assemble import body
+from ..scene.body import Body
 from ..scene.model import Scene
 from . import build, compat
 
@@ -148,14 +150,14 @@ def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, s
 
     Raises RenderError when the engine writes no image.
     """
-    return render_scene(scene, [(preset.family, preset.parameters)] * len(scene.volumes), preset.label, engine, width, height,
+    return render_scene(scene, [body(preset.family, preset.parameters, scene.volumes)], preset.label, engine, width, height,
                         samples, seed=seed, repeats=repeats, quiet=quiet, progress=progress)
 
 
-def render_scene(scene: Scene, parameters: Sequence[tuple[str, Mapping[str, Any]]], label: str, engine: str, width: int,
-                 height: int, samples: int, *, settings: Mapping[str, Any] | None = None, seed: int = 0, repeats: int = 1,
-                 quiet: bool = True, progress: Callable[[float], None] | None = None) -> Rendered:
-    """Render a Scene whose volumes have these families and values; ``settings`` by path go over those of the plan.
+def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, width: int, height: int, samples: int, *,
+                 settings: Mapping[str, Any] | None = None, seed: int = 0, repeats: int = 1, quiet: bool = True,
+                 progress: Callable[[float], None] | None = None) -> Rendered:
+    """Render a Scene whose volumes are these bodies; ``settings`` by path go over those of the plan.
 
     Raises RenderError when the engine writes no image.
     """
@@ -164,9 +166,9 @@ def render_scene(scene: Scene, parameters: Sequence[tuple[str, Mapping[str, Any]
     start = time.perf_counter()
     images = []
     with build.temporary(), tempfile.TemporaryDirectory(prefix="volumetrics") as folder:
-        plan = make_plan(scene, engine, samples, has_null_scattering=compat.current().volume_biased)
+        plan = make_plan(scene, bodies, engine, samples, has_null_scattering=compat.current().volume_biased)
         plan.settings.update(settings or {})
-        built = build.build(scene, parameters, plan, label)
+        built = build.build(scene, bodies, plan, label)
         render = built.render
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
         render.pixel_aspect_x = render.pixel_aspect_y = 1.0

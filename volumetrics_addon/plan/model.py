@@ -21,7 +21,10 @@ class Decision:
 
 @dataclass
 class Plan:
-    """Settings by path below the Blender scene, settings of the materials of volumes, and the decisions behind them."""
+    """Settings by path below the Blender scene, settings of each body's material, and the decisions behind them.
+
+    ``unit``: metres in one unit of the Blender scene.
+    """
 
     engine: str
     samples: int
@@ -29,6 +32,7 @@ class Plan:
     volume_settings: list[dict[str, Any]] = field(default_factory=list)
     decisions: list[Decision] = field(default_factory=list)
     light_enclosure: bool = False
+    unit: float = 1.0
 
     def decide(self, rule: str, effect: str, reason: str) -> None:
         self.decisions.append(Decision(rule, effect, reason))

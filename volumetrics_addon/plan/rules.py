@@ -8,11 +8,12 @@ ray marching (Blender 5 and later).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from ..scene.body import Body
 from ..scene.model import (
-    Box, Cone, Ellipsoid, ExponentialHeight, Grid, Homogeneous, NoiseShape, Scene, Shape, Sun, Vector, Volume,
+    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, NoiseShape, Scene, Shape, Sun, Vector, Volume,
 )
 from .model import CYCLES, Plan
 
@@ -27,6 +28,7 @@ VOXELS_PER_FEATURE = 2.0  # a grid of voxels changes by much over so many of the
 THICKEST_STEP = 0.15
 GLASS_BOUNCES = 64  # interfaces followed through refracting solids
 EEVEE_DEFAULT_THRESHOLD = 0.01
+EEVEE_COEFFICIENT = 1e-4  # 1/m; below, EEVEE loses more than 5 % of a medium, and below 1e-5 all of it
 EEVEE_SLICES = 128  # froxel slices along the view
 
 
@@ -74,14 +76,18 @@ def light_threshold(scene: Scene) -> float:
     return max(1e-12, min(thresholds, default=EEVEE_DEFAULT_THRESHOLD))
 
 
-def plan(scene: Scene, engine: str, samples: int, *, has_null_scattering: bool = True, seed: int = 0) -> Plan:
-    """Everything that has to be set for the engine to render the Scene's light transport, and nothing else."""
+def plan(scene: Scene, bodies: Sequence[Body], engine: str, samples: int, *, has_null_scattering: bool = True,
+         seed: int = 0) -> Plan:
+    """Everything that has to be set for the engine to render the Scene's light transport, and nothing else.
+
+    ``bodies`` holds the scene's volumes as the objects that the engine shows.
+    """
     result = Plan(engine, samples)
-    (_cycles if engine == CYCLES else _eevee)(scene, result, has_null_scattering, seed)
+    (_cycles if engine == CYCLES else _eevee)(scene, bodies, result, has_null_scattering, seed)
     return result
 
 
-def _cycles(scene: Scene, result: Plan, has_null_scattering: bool, seed: int) -> None:
+def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scattering: bool, seed: int) -> None:
     bounces = scene.engine_orders - 1
     glass = GLASS_BOUNCES if scene.is_dielectric else 0
     if scene.engine_orders < scene.orders:
@@ -122,30 +128,34 @@ def _cycles(scene: Scene, result: Plan, has_null_scattering: bool, seed: int) ->
         "cycles.volume_max_steps": 65536,
         "cycles.volume_step_rate": 1.0,
     })
-    features = [_feature(volume) for volume in scene.volumes]
-    marched = any(features) and MARCHING_STEP > 0.0
+    features = [min(map(_feature, body.volumes)) for body in bodies]
+    marched = MARCHING_STEP > 0.0 and any(
+        feature > 0.0 and not isinstance(body.volumes[0].medium.density, ExponentialAltitude)
+        for body, feature in zip(bodies, features))
     if has_null_scattering:
         result.settings["cycles.volume_biased"] = marched
-    if marched:
+    marched = marched or not has_null_scattering
+    if marched and any(features):
         result.decide("ray marching", f"steps of {MARCHING_STEP:g} of each medium's smallest feature",
                       "a heterogeneous medium reaches the same error sooner than by null-scattering")
-    for volume, feature in zip(scene.volumes, features):
-        homogeneous = isinstance(volume.medium.density, Homogeneous)
+    for body, feature in zip(bodies, features):
+        homogeneous = feature == 0.0
         settings = {"homogeneous_volume": homogeneous, "volume_sampling": _sampling(scene), "volume_step_rate": 1.0}
-        if isinstance(volume.medium.density, Grid):
-            result.decide("voxels", " x ".join(map(str, volume.medium.density.values.shape)),
+        density = body.volumes[0].medium.density
+        if isinstance(density, Grid):
+            result.decide("voxels", " x ".join(map(str, density.values.shape)),
                           "a baked density reaches the same error sooner than its nodes")
         if homogeneous:
             result.decide("analytic path", "no density is sampled", "the medium is homogeneous")
         elif marched:
-            settings["volume_step_rate"] = max(1e-3, MARCHING_STEP * feature / _engine_step(volume))
+            settings["volume_step_rate"] = max(1e-3, MARCHING_STEP * feature / _engine_step(body))
         result.volume_settings.append(settings)
 
 
 def _feature(volume: Volume) -> float:
     """Smallest length (m) over which the density changes by much; 0 for a homogeneous medium."""
     match volume.medium.density:
-        case ExponentialHeight() as density:
+        case ExponentialHeight() | ExponentialAltitude() as density:
             return density.scale_height
         case NoiseShape() as density:
             # The softness turns the slope of the noise into an edge.
@@ -164,11 +174,12 @@ def _voxel(density: Grid) -> float:
     return min((high - low) / n for low, high, n in zip(density.low, density.high, density.values.shape))
 
 
-def _engine_step(volume: Volume) -> float:
+def _engine_step(body: Body) -> float:
     """Step (m) of Cycles' ray marching at rate 1: a voxel of a grid, otherwise a tenth of the bounding box's mean extent."""
-    if isinstance(volume.medium.density, Grid):
-        return _voxel(volume.medium.density)
-    return 0.1 * sum(extent(volume.domain)) / 3.0
+    density = body.volumes[0].medium.density
+    if isinstance(density, Grid):
+        return _voxel(density)
+    return 0.1 * sum(extent(body.domain)) / 3.0
 
 
 def _sampling(scene: Scene) -> str:
@@ -180,7 +191,7 @@ def _sampling(scene: Scene) -> str:
     return "EQUIANGULAR" if local else "DISTANCE"
 
 
-def _eevee(scene: Scene, result: Plan, has_null_scattering: bool, seed: int) -> None:
+def _eevee(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scattering: bool, seed: int) -> None:
     result.settings.update({
         "eevee.taa_render_samples": result.samples,
         "eevee.use_taa_reprojection": False,
@@ -216,7 +227,23 @@ def _eevee(scene: Scene, result: Plan, has_null_scattering: bool, seed: int) -> 
     if result.light_enclosure:
         result.decide("light enclosure", "an empty volume box around lights and media",
                       "EEVEE shadows the medium only inside the bounds of its volumes")
-    result.volume_settings = [{} for _ in scene.volumes]
+    result.unit = eevee_unit(scene)
+    if result.unit != 1.0:
+        result.decide("unit of length", f"{result.unit:g} m", "EEVEE stores the media in 11-bit floats, which lose coefficients "
+                      "below 1e-5 per unit")
+    result.volume_settings = [{} for _ in bodies]
+
+
+def eevee_unit(scene: Scene) -> float:
+    """Metres in the unit of length in which EEVEE keeps the media's coefficients; 1 where it keeps them in metres.
+
+    The strongest coefficient is then 1 to 10 per unit, unless the scene is so small that it would measure less than a unit.
+    """
+    coefficients = [c for volume in scene.volumes for c in (*volume.medium.sigma_s, *volume.medium.sigma_a) if c > 0.0]
+    if not coefficients or min(coefficients) >= EEVEE_COEFFICIENT:
+        return 1.0
+    size = max(2.0 * reach(scene, scene.camera.position), 1e-300)
+    return max(1.0, 10.0 ** math.floor(math.log10(min(10.0 / max(coefficients), size))))
 
 
 def participation(scene: Scene, present: Callable[[str, Any], Any]) -> dict[str, Any]:

@@ -6,10 +6,15 @@ from __future__ import annotations
 import math
 from typing import Any, Iterable, Mapping
 
+from ..parameters.families import FAMILIES
+from .body import Body
 from .model import (
-    AnyPhase, Box, Camera, Color, Cone, Dielectric, Ellipsoid, ExponentialHeight, Homogeneous, Light, Medium, MiePhase,
-    NoiseShape, Octaves, Phase, Scene, Shape, Spot, Sun, Surface, Vector, Volume, add, look_frame, normalized, scaled, subtract, turned,
+    AnyPhase, Box, Camera, Color, Cone, Dielectric, Ellipsoid, ExponentialAltitude, ExponentialHeight, Homogeneous, Light, Medium,
+    MiePhase, NoiseShape, Octaves, Phase, RayleighPhase, Scene, Shape, Spot, Sun, Surface, Vector, Volume, add, look_frame,
+    normalized, scaled, subtract, turned,
 )
+
+PER_KILOMETRE = 1e-3  # 1/km in 1/m
 
 # The haze cone is this much wider than the light's cone, so that the domain's faceted mantle stays in the dark.
 CONE_CLEARANCE = 1.03
@@ -129,7 +134,45 @@ def _blockers(values: Mapping[str, Any], apex: Vector, axis: Vector, half_angle:
     return boxes
 
 
-ASSEMBLERS = {"cloud": cloud, "glass": glass, "fog": fog, "godray": godray}
+def air(values: Mapping[str, Any], bounds: Bounds | None = None) -> Item:
+    """Molecules and aerosol around a planet whose ground passes through (0, 0, base height)."""
+    radius = values["planet_radius"]
+    center = (0.0, 0.0, values["base_height"] - radius)
+    domain = Ellipsoid(center, (radius + values["thickness"],) * 3)
+    molecules = _times(values["rayleigh_color"], PER_KILOMETRE * values["rayleigh_scattering"])
+    sigma_s, sigma_a = _scattering({"extinction": PER_KILOMETRE * values["mie_extinction"], "albedo": values["mie_albedo"]})
+    media = (
+        Medium(molecules, (0.0, 0.0, 0.0), RayleighPhase(), ExponentialAltitude(center, radius, values["rayleigh_scale_height"])),
+        Medium(sigma_s, sigma_a, Phase(values["mie_g"]), ExponentialAltitude(center, radius, values["mie_scale_height"])),
+    )
+    ground = Surface(Ellipsoid(center, (radius,) * 3), values["ground_albedo"])
+    return Item([Volume(domain, medium) for medium in media], surfaces=[ground])
+
+
+def air_domain(values: Mapping[str, Any]) -> Box:
+    """The part of the air that the engines follow: ``reach`` to all sides of the origin, down to the ground there."""
+    radius, base, reach = values["planet_radius"], values["base_height"], values["reach"]
+    top = base + values["thickness"]
+    if reach < radius:
+        # 1 - sqrt(1 - x^2) in the form that keeps its digits.
+        share = reach / radius
+        bottom = base - radius * share * share / (1.0 + math.sqrt(1.0 - share * share))
+    else:
+        bottom, reach = base - 2.0 * radius - values["thickness"], min(reach, radius + values["thickness"])
+    return Box((0.0, 0.0, (top + bottom) / 2), (reach, reach, (top - bottom) / 2))
+
+
+ASSEMBLERS = {"cloud": cloud, "glass": glass, "fog": fog, "godray": godray, "air": air}
+
+
+def body(family: str, values: Mapping[str, Any], volumes: Iterable[Volume]) -> Body:
+    """The volumes of a family, all in one domain, as the one object that the engines show."""
+    volumes = tuple(volumes)
+    domains = {volume.domain for volume in volumes}
+    if len(domains) != 1:
+        raise ValueError(f"a body has one domain, got {len(domains)} in {len(volumes)} volumes; make a body of each")
+    domain = air_domain(values) if family == "air" else domains.pop()
+    return Body(FAMILIES[family], values, volumes, domain)
 
 
 def prop(values: Mapping[str, Any]) -> Surface:

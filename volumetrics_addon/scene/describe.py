@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a volume of the Scene back to a family and its parameters: the way any Scene reaches the engines.
+"""From the volumes of the Scene back to families and their parameters: the way any Scene reaches the engines.
 
 The inverse of assemble, as far as the families reach: what none of them can express is refused with the reason.
 """
@@ -7,10 +7,16 @@ The inverse of assemble, as far as the families reach: what none of them can exp
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from ..parameters.families import FAMILIES
-from .model import Box, Ellipsoid, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase, Scene, Volume
+from .assemble import PER_KILOMETRE, body
+from .body import Body
+from .model import (
+    Box, Camera, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase,
+    RayleighPhase, Scene, Volume,
+)
 
 GREY = 1e-9  # relative difference of the extinction between channels that counts as none
 
@@ -29,17 +35,61 @@ def describe(volume: Volume) -> tuple[str, dict[str, Any]]:
         return "fog", _values("fog", {"scale_height": medium.density.scale_height,
                                       "base_height": medium.density.base_height, **_scattering(medium)})
     if not isinstance(medium.density, (Homogeneous, NoiseShape, Grid)):
-        raise ValueError(f"no family has the density {type(medium.density).__name__}; use a homogeneous medium, noise, voxels "
-                         "or height fog")
+        raise ValueError(f"no family has the density {type(medium.density).__name__}; use a homogeneous medium, noise, voxels, "
+                         "height fog or air")
     return "cloud", _values("cloud", _cloud(volume))
 
 
-def describe_scene(scene: Scene) -> list[tuple[str, dict[str, Any]]]:
-    """Family and values of each volume. Raises ValueError with the reason when the engines cannot show the scene."""
+def describe_scene(scene: Scene) -> list[Body]:
+    """What the engines have to show. Raises ValueError with the reason when they cannot show the scene."""
     for light in scene.lights:
         if type(light).__name__ == "Projector":
             raise ValueError("the engines' lights carry no frustum and no gobo image; use a spot with blockers")
-    return [describe(volume) for volume in scene.volumes]
+    air = [volume for volume in scene.volumes if isinstance(volume.medium.density, ExponentialAltitude)]
+    bodies = [body(*describe(volume), (volume,)) for volume in scene.volumes if volume not in air]
+    if air:
+        bodies.append(body("air", describe_air(air, scene.camera), air))
+    return bodies
+
+
+def describe_air(volumes: Sequence[Volume], camera: Camera) -> dict[str, Any]:
+    """Values of the air that these volumes are, as far as this camera sees it. Raises ValueError when they are none."""
+    first = volumes[0]
+    center, radius = first.medium.density.center, first.medium.density.radius
+    for volume in volumes:
+        if (volume.medium.density.center, volume.medium.density.radius) != (center, radius) or volume.domain != first.domain:
+            raise ValueError("the air's media must surround one planet in one domain; give them the same")
+    sphere = isinstance(first.domain, Ellipsoid) and first.domain.center == center and len(set(first.domain.half)) == 1
+    if not sphere or first.domain.half[0] <= radius:
+        raise ValueError(f"air must end in a sphere around the planet, above its ground, got {first.domain}")
+    if center[0] != 0.0 or center[1] != 0.0:
+        raise ValueError(f"the planet's centre must be below the origin, got {center}; move the scene")
+    molecules = [v.medium for v in volumes if isinstance(v.medium.phase, RayleighPhase)]
+    aerosol = [v.medium for v in volumes if isinstance(v.medium.phase, Phase)]
+    if len(molecules) > 1 or len(aerosol) > 1 or len(molecules) + len(aerosol) < len(volumes):
+        raise ValueError(f"air is molecules and one aerosol with an HG lobe, got {len(volumes)} media with the phase functions "
+                         f"{[v.medium.phase for v in volumes]}")
+    top, thickness = first.domain.half[0], first.domain.half[0] - radius
+    eye = math.dist(camera.position, center)
+    # From the camera's farthest ground to where the line that grazes it leaves the air.
+    reach = math.hypot(*camera.position[:2]) + math.sqrt(max(0.0, eye**2 - radius**2)) + math.sqrt(top**2 - radius**2)
+    values = {"planet_radius": radius, "base_height": center[2] + radius, "thickness": thickness, "reach": reach,
+              "rayleigh_scattering": 0.0, "mie_extinction": 0.0}
+    for medium in molecules:
+        if max(medium.sigma_a) > 0.0:
+            raise ValueError(f"molecules do not absorb, got sigma_a {medium.sigma_a} per metre; give it to the aerosol")
+        strongest = max(medium.sigma_s)
+        values |= {"rayleigh_scattering": strongest / PER_KILOMETRE, "rayleigh_scale_height": medium.density.scale_height}
+        if strongest > 0.0:
+            values["rayleigh_color"] = tuple(s / strongest for s in medium.sigma_s)
+    for medium in aerosol:
+        if medium.phase.weight > 0.0:
+            raise ValueError(f"aerosol has one HG lobe, got {medium.phase}; set the weight of the second to 0")
+        values["mie_scale_height"] = medium.density.scale_height
+        if max(medium.sigma_t) > 0.0:
+            grey = _scattering(medium)
+            values |= {"mie_extinction": grey["extinction"] / PER_KILOMETRE, "mie_albedo": grey["albedo"], "mie_g": grey["g"]}
+    return _values("air", values)
 
 
 def _values(family: str, values: dict[str, Any]) -> dict[str, Any]:
