@@ -128,7 +128,11 @@ QUICK = {"cloud": (48, 8), "glass": (32, 8), "fog": (32, 8), "godray": (64, 8)}
 MULTIPLE, SINGLE = 0.005, 0.001
 
 
-@pytest.mark.parametrize("name", names())
+# Optically thick, so that a sample takes seconds: these are verified with the long sweeps.
+THICK = {"congestus", "storm", "stratus", "stratocumulus"}
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.sweep) if n in THICK else n for n in names()])
 def test_cycles_equals_the_reference(name, tmp_path):
     chosen = load(name)
     samples, repeats = QUICK[chosen.family]
