@@ -17,6 +17,7 @@ from .compare.report import report_picture
 from .compare.statistics import Comparison, Estimate, compare
 from .parameters.preset import Preset
 from .plan.model import CYCLES, EEVEE
+from .plan.rules import bakes_light
 from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
@@ -121,14 +122,19 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
     if scene.is_dielectric:
         notes.append("EEVEE traces refraction in screen space, through one inner path without inner reflection")
     elif any(volume.medium.scatters for volume in scene.volumes):
-        notes.append("EEVEE stores the medium in froxels of 11-bit floats and marches shadows through them")
-        if scene.orders > 1:
+        baked = [bool(bakes_light(scene, volume, preset.parameters)) for volume in scene.volumes]
+        if all(baked):
+            notes.append("EEVEE stores the medium in froxels of 11-bit floats")
+            notes.append(f"EEVEE shows all orders of scattering as light baked on {preset.parameters['light_resolution']} voxels")
+        else:
+            notes.append("EEVEE stores the medium in froxels of 11-bit floats and marches shadows through them")
+        if scene.orders > 1 and not all(baked):
             notes.append(f"EEVEE scatters once where the scene follows {scene.orders} orders")
-        if any(volume.medium.phase.weight > 0.0 for volume in scene.volumes):
+        if any(volume.medium.phase.weight > 0.0 for volume in scene.volumes) and not all(baked):
             notes.append("EEVEE has one HG lobe, here the mean cosine of two")
         if scene.surfaces:
             notes.append("EEVEE does not dim the light that reaches surfaces through the medium")
-        if max(scene.environment) > 0.0:
+        if max(scene.environment) > 0.0 and not all(baked):
             notes.append("EEVEE lights the medium from the environment without shadow")
     return notes
 

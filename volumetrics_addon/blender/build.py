@@ -10,8 +10,9 @@ from typing import Any
 import bpy
 
 from ..plan.model import CYCLES, Plan
+from ..reference.light_grid import LightGrid
 from ..scene.model import Box, Cone, Ellipsoid, Grid, Scene, Shape, Sun, Volume
-from . import compat, grid, groups, objects, settings
+from . import compat, grid, groups, light, objects, settings
 from .nodes import Tree, socket_of
 
 _COLLECTIONS = ("objects", "meshes", "lights", "cameras", "materials", "node_groups", "worlds", "scenes", "collections", "images")
@@ -29,10 +30,12 @@ def temporary() -> Iterator[None]:
 
 
 def add_volumes(family: str, values: Mapping[str, Any], volumes: tuple[Volume, ...], name: str,
-                collection: bpy.types.Collection) -> list[bpy.types.Object]:
+                collection: bpy.types.Collection, baked: LightGrid | None = None) -> list[bpy.types.Object]:
+    """An object for each volume; in EEVEE it shines with the ``baked`` light, where there is some."""
     result = []
     for volume in volumes:
-        material = groups.material(family, values, volume.domain, name, groups.fields_of(volume))
+        glow = light.picture(baked, volume.domain.center, f"{name} light") if baked else None
+        material = groups.material(family, values, volume.domain, name, groups.fields_of(volume, glow))
         if isinstance(volume.medium.density, Grid):
             domain = grid.body(volume, name, material, collection)
         else:
@@ -44,15 +47,19 @@ def add_volumes(family: str, values: Mapping[str, Any], volumes: tuple[Volume, .
     return result
 
 
-def build(scene: Scene, parameters: Sequence[tuple[str, Mapping[str, Any]]], plan: Plan, label: str) -> bpy.types.Scene:
+def build(scene: Scene, parameters: Sequence[tuple[str, Mapping[str, Any]]], plan: Plan, label: str,
+          baked: Mapping[int, LightGrid] | None = None) -> bpy.types.Scene:
     """A Blender scene that shows the Scene, with the plan's settings applied.
 
-    ``parameters`` holds the family of each volume and its values, from a preset or from scene.describe.
+    ``parameters`` holds the family of each volume and its values, from a preset or from scene.describe; ``baked`` the light of
+    the volumes that have some, by their index.
     """
+    baked = baked or {}
     result = bpy.data.scenes.new("Volumetrics")
     collection = result.collection
-    for volume, (family, values), settings_of_volume in zip(scene.volumes, parameters, plan.volume_settings, strict=True):
-        domain, = add_volumes(family, values, (volume,), label, collection)
+    for index, (volume, (family, values), settings_of_volume) in enumerate(
+            zip(scene.volumes, parameters, plan.volume_settings, strict=True)):
+        domain, = add_volumes(family, values, (volume,), label, collection, baked.get(index))
         set_volume_material(domain.material_slots[0].material, settings_of_volume)
     for index, source in enumerate(scene.lights):
         objects.light(source, f"{label} light {index}", collection)

@@ -18,9 +18,9 @@ import bpy
 from ..parameters.families import FAMILIES
 from ..scene.model import Box, Ellipsoid, Grid, Shape, Volume
 from ..scene.noise import SEED_PERIOD, SEED_STEP
-from . import grid
+from . import grid, light
 from .compat import use_nodes
-from .nodes import Tree, add_input, arrange, socket_of, socket_value
+from .nodes import Tree, add_input, arrange, prune, socket_of, socket_value
 
 Sockets = Mapping[str, bpy.types.NodeSocket]
 Outputs = dict[str, bpy.types.NodeSocket]
@@ -30,16 +30,18 @@ ENGINES = {"Cycles": "CYCLES", "EEVEE": "EEVEE"}  # output prefix -> target of t
 
 @dataclass(frozen=True)
 class Fields:
-    """What the material of a volume reads from arrays: its density from ``voxels``, which the nodes ``cut`` at the domain."""
+    """What the material of a volume reads from arrays: its density from ``voxels``, which the nodes ``cut`` at the domain, and
+    in EEVEE the ``glow`` of its scattered light."""
 
     voxels: bool = False
     cut: bool = False
+    glow: light.Picture | None = None
 
 
-def fields_of(volume: Volume) -> Fields:
+def fields_of(volume: Volume, glow: light.Picture | None = None) -> Fields:
     if not isinstance(volume.medium.density, Grid):
-        return Fields()
-    return Fields(True, grid.needs_cut(volume))
+        return Fields(glow=glow)
+    return Fields(True, grid.needs_cut(volume), glow)
 
 
 def group(family: str, values: Mapping[str, Any], shape: Shape, name: str, fields: Fields = Fields()) -> bpy.types.NodeTree:
@@ -58,6 +60,8 @@ def group(family: str, values: Mapping[str, Any], shape: Shape, name: str, field
     leave = build.node("NodeGroupOutput")
     for index, shader in enumerate(outputs.values()):
         build.feed(leave.inputs[index], shader)
+    if fields.glow:  # what EEVEE would have scattered
+        prune(tree)
     arrange(tree)
     return tree
 
@@ -116,6 +120,14 @@ def _two_lobes(build: Tree, albedo: Any, extinction: Any, g0: Any, g1: Any, weig
     }
 
 
+def _glow(build: Tree, albedo: Any, extinction: Any, glow: light.Picture) -> bpy.types.NodeSocket:
+    """The source sigma_s J as emission, dimmed by all of the extinction: nothing is left for the engine to scatter."""
+    color = build.vector("MULTIPLY", albedo, light.radiance(build, glow))
+    emission = build.node("ShaderNodeEmission", {"Color": color, "Strength": extinction})
+    absorption = build.node("ShaderNodeVolumeAbsorption", {"Color": (0.0, 0.0, 0.0, 1.0), "Density": extinction})
+    return build.shader_sum(absorption.outputs[0], emission.outputs[0])
+
+
 def _noise_density(build: Tree, inputs: Sockets, shape: Box | Ellipsoid) -> bpy.types.NodeSocket:
     """scene.model.NoiseShape as nodes; object coordinates are metres from the domain's centre."""
     position = socket_of(build.node("ShaderNodeTexCoord").outputs, "Object")
@@ -141,8 +153,12 @@ def _cloud(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape
     elif values["density"] == "noise":
         extinction = build.math("MULTIPLY", extinction, _noise_density(build, inputs, shape))
     if values["phase"] == "hg":
-        return _one_lobe(build, inputs["albedo"], extinction, inputs["g"])
-    return _two_lobes(build, inputs["albedo"], extinction, inputs["g"], inputs["g_back"], inputs["lobe_weight"])
+        outputs = _one_lobe(build, inputs["albedo"], extinction, inputs["g"])
+    else:
+        outputs = _two_lobes(build, inputs["albedo"], extinction, inputs["g"], inputs["g_back"], inputs["lobe_weight"])
+    if fields.glow:
+        outputs["EEVEE Volume"] = _glow(build, inputs["albedo"], extinction, fields.glow)
+    return outputs
 
 
 def _fog(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:

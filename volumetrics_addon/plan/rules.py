@@ -8,7 +8,7 @@ ray marching (Blender 5 and later).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..scene.model import (
@@ -197,6 +197,18 @@ def _eevee(scene: Scene, result: Plan, has_null_scattering: bool, seed: int) -> 
         result.decide("light enclosure", "an empty volume box around lights and media",
                       "EEVEE shadows the medium only inside the bounds of its volumes")
     result.volume_settings = [{} for _ in scene.volumes]
+
+
+def bakes_light(scene: Scene, volume: Volume, values: Mapping[str, Any]) -> str:
+    """Why EEVEE shows baked light in the volume, described by these values; empty where it scatters by itself.
+
+    Measured on the cumulus in Blender 5.2, 64 pixels wide, against path tracing: EEVEE's own scattering with the mean cosine
+    -30.6 %, relative RMSE 57 %; with the best single g, 0.15, -24 %, 47 %; all orders baked on 32 voxels -0.8 %, 8 %; orders
+    from the second on baked, the first EEVEE's own, +1.3 %, 8 %.
+    """
+    if values.get("eevee_light") != "baked" or scene.orders < 2 or scene.is_dielectric or not volume.medium.scatters:
+        return ""
+    return f"EEVEE scatters once, the scene follows {scene.orders} orders"
 
 
 def participation(scene: Scene, present: Callable[[str, Any], Any]) -> dict[str, Any]:
