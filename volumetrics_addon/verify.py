@@ -17,7 +17,7 @@ from .compare.report import report_picture
 from .compare.statistics import Comparison, Estimate, compare
 from .parameters.preset import Preset
 from .plan.model import CYCLES, EEVEE
-from .plan.rules import is_baked
+from .plan.rules import bakes_light, is_baked
 from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
@@ -127,14 +127,20 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
     if scene.is_dielectric:
         notes.append("EEVEE traces refraction in screen space, through one inner path without inner reflection")
     elif any(volume.medium.scatters for volume in scene.volumes):
-        notes.append("EEVEE stores the medium in froxels of 11-bit floats and marches shadows through them")
-        if scene.orders > 1:
+        baked = [bool(bakes_light(scene, volume, preset.parameters)) for volume in scene.volumes]
+        if all(baked):
+            notes.append("EEVEE stores the medium in froxels of 11-bit floats")
+            notes.append(f"EEVEE shows all orders of scattering as light baked on {preset.parameters['light_resolution']} voxels")
+        else:
+            notes.append("EEVEE stores the medium in froxels of 11-bit floats and marches shadows through them")
+        if scene.orders > 1 and not all(baked):
             notes.append(f"EEVEE scatters once where the scene follows {scene.orders} orders")
-        if any(not isinstance(v.medium.phase, Phase) or v.medium.phase.weight > 0.0 for v in scene.volumes):
+        one_lobe = all(isinstance(v.medium.phase, Phase) and v.medium.phase.weight == 0.0 for v in scene.volumes)
+        if not one_lobe and not all(baked):
             notes.append("EEVEE has one HG lobe, here with the mean cosine of the phase function")
         if scene.surfaces:
             notes.append("EEVEE does not dim the light that reaches surfaces through the medium")
-        if max(scene.environment) > 0.0:
+        if max(scene.environment) > 0.0 and not all(baked):
             notes.append("EEVEE lights the medium from the environment without shadow")
     return notes
 

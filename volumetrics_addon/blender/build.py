@@ -11,10 +11,11 @@ from typing import Any
 import bpy
 
 from ..plan.model import CYCLES, Plan
+from ..reference.light_grid import LightGrid
 from ..scene import units
 from ..scene.body import Body
 from ..scene.model import Box, Cone, Ellipsoid, Grid, Light, Scene, Shape, Sun
-from . import compat, grid, groups, objects, settings
+from . import compat, grid, groups, light, objects, settings
 from .nodes import Tree, socket_of
 
 _COLLECTIONS = ("objects", "meshes", "lights", "cameras", "materials", "node_groups", "worlds", "scenes", "collections", "images")
@@ -31,10 +32,11 @@ def temporary() -> Iterator[None]:
         bpy.data.batch_remove(made)
 
 
-def add_body(body: Body, name: str, collection: bpy.types.Collection) -> bpy.types.Object:
-    """The object that holds the body's media, with the material of its family."""
+def add_body(body: Body, name: str, collection: bpy.types.Collection, baked: LightGrid | None = None) -> bpy.types.Object:
+    """The object that holds the body's media, with the material of its family; in EEVEE it shines with ``baked`` light."""
     first = body.volumes[0]
-    material = groups.material(body.family, body.values, body.domain, name, groups.fields_of(first))
+    glow = light.picture(baked, body.domain.center, f"{name} light") if baked else None
+    material = groups.material(body.family, body.values, body.domain, name, groups.fields_of(first, glow))
     if isinstance(first.medium.density, Grid):
         result = grid.body(first, name, material, collection)
     else:
@@ -45,17 +47,21 @@ def add_body(body: Body, name: str, collection: bpy.types.Collection) -> bpy.typ
     return result
 
 
-def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str) -> bpy.types.Scene:
+def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
+          baked: Mapping[int, LightGrid] | None = None) -> bpy.types.Scene:
     """A Blender scene that shows the Scene in the plan's unit of length, with the plan's settings applied.
 
-    ``bodies`` holds the scene's volumes, from a preset or from scene.describe.
+    ``bodies`` holds the scene's volumes, from a preset or from scene.describe; ``baked`` the light of the bodies that have
+    some, by their index.
     """
+    baked = baked or {}
     if plan.unit != 1.0:
         scene, bodies = units.scaled(scene, 1.0 / plan.unit), [units.scaled_body(body, 1.0 / plan.unit) for body in bodies]
+        baked = {index: grid.scaled(1.0 / plan.unit) for index, grid in baked.items()}
     result = bpy.data.scenes.new("Volumetrics")
     collection = result.collection
-    for body, settings_of_volume in zip(bodies, plan.volume_settings, strict=True):
-        domain = add_body(body, label, collection)
+    for index, (body, settings_of_volume) in enumerate(zip(bodies, plan.volume_settings, strict=True)):
+        domain = add_body(body, label, collection, baked.get(index))
         set_volume_material(domain.material_slots[0].material, settings_of_volume)
     for index, source in enumerate(scene.lights):
         objects.light(source, f"{label} light {index}", collection)

@@ -19,9 +19,9 @@ from ..parameters.model import Group
 from ..scene import noise
 from ..scene.assemble import PER_KILOMETRE
 from ..scene.model import Box, Ellipsoid, Grid, Shape, Volume
-from . import grid
+from . import grid, light
 from .compat import use_nodes
-from .nodes import Tree, add_input, arrange, socket_of, socket_value
+from .nodes import Tree, add_input, arrange, prune, socket_of, socket_value
 
 Sockets = Mapping[str, bpy.types.NodeSocket]
 Outputs = dict[str, bpy.types.NodeSocket]
@@ -34,16 +34,18 @@ ENGINES = {"Cycles": "CYCLES", "EEVEE": "EEVEE"}  # output prefix -> target of t
 
 @dataclass(frozen=True)
 class Fields:
-    """What the material of a volume reads from arrays: its density from ``voxels``, which the nodes ``cut`` at the domain."""
+    """What the material of a volume reads from arrays: its density from ``voxels``, which the nodes ``cut`` at the domain, and
+    in EEVEE the ``glow`` of its scattered light."""
 
     voxels: bool = False
     cut: bool = False
+    glow: light.Picture | None = None
 
 
-def fields_of(volume: Volume) -> Fields:
+def fields_of(volume: Volume, glow: light.Picture | None = None) -> Fields:
     if not isinstance(volume.medium.density, Grid):
-        return Fields()
-    return Fields(True, grid.needs_cut(volume))
+        return Fields(glow=glow)
+    return Fields(True, grid.needs_cut(volume), glow)
 
 
 def group(family: Group, values: Mapping[str, Any], shape: Shape, name: str, fields: Fields = Fields()) -> bpy.types.NodeTree:
@@ -61,6 +63,8 @@ def group(family: Group, values: Mapping[str, Any], shape: Shape, name: str, fie
     leave = build.node("NodeGroupOutput")
     for index, shader in enumerate(outputs.values()):
         build.feed(leave.inputs[index], shader)
+    if fields.glow:  # what EEVEE would have scattered
+        prune(tree)
     arrange(tree)
     return tree
 
@@ -117,6 +121,14 @@ def _two_lobes(build: Tree, albedo: Any, extinction: Any, g0: Any, g1: Any, weig
         "Cycles Volume": _absorb_and_scatter(build, albedo, extinction, both),
         "EEVEE Volume": _absorb_and_scatter(build, albedo, extinction, lambda: _scatter(build, albedo, extinction, mean)),
     }
+
+
+def _glow(build: Tree, albedo: Any, extinction: Any, glow: light.Picture) -> bpy.types.NodeSocket:
+    """The source sigma_s J as emission, dimmed by all of the extinction: nothing is left for the engine to scatter."""
+    color = build.vector("MULTIPLY", albedo, light.radiance(build, glow))
+    emission = build.node("ShaderNodeEmission", {"Color": color, "Strength": extinction})
+    absorption = build.node("ShaderNodeVolumeAbsorption", {"Color": (0.0, 0.0, 0.0, 1.0), "Density": extinction})
+    return build.shader_sum(absorption.outputs[0], emission.outputs[0])
 
 
 def _droplets(build: Tree, albedo: Any, extinction: Any, diameter: Any, octave: Sockets | None) -> Outputs:

@@ -95,6 +95,18 @@ def socket_value(parameter: Parameter, value: Any) -> Any:
     return (*value, 1.0) if parameter.kind == "color" else value
 
 
+def prune(tree: bpy.types.NodeTree) -> None:
+    """Remove the nodes that no output is reached from."""
+    reached, waiting = set(), [node for node in tree.nodes if not node.outputs]
+    while waiting:
+        node = waiting.pop()
+        if node not in reached:
+            reached.add(node)
+            waiting += [link.from_node for socket in node.inputs for link in socket.links]
+    for node in [node for node in tree.nodes if node not in reached]:
+        tree.nodes.remove(node)
+
+
 def arrange(tree: bpy.types.NodeTree, step: tuple[float, float] = (200.0, 170.0)) -> None:
     """Place nodes in columns by their distance to the outputs, so that a reader of the tree can follow it."""
     rank = {node: 0 for node in tree.nodes}

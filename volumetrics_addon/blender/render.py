@@ -20,11 +20,17 @@ import numpy as np
 
 from ..parameters.preset import Preset
 from ..plan.model import CYCLES, Plan
+from ..plan.rules import bakes_light
 from ..plan.rules import plan as make_plan
+from ..reference import light_grid
+from ..reference.light_grid import LightGrid
 from ..scene.assemble import body
 from ..scene.body import Body
 from ..scene.model import Scene
 from . import build, compat
+
+
+LIGHT_SAMPLES = 64  # paths of each voxel of baked light
 
 
 class RenderError(RuntimeError):
@@ -154,6 +160,19 @@ def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, s
                         samples, seed=seed, repeats=repeats, quiet=quiet, progress=progress)
 
 
+def _baked_light(scene: Scene, bodies: Sequence[Body], plan: Plan, seed: int) -> dict[int, LightGrid]:
+    """The scattered light of the bodies that EEVEE shows by it, by their index."""
+    result = {}
+    for index, body in enumerate(bodies):
+        volume, values = body.volumes[0], body.values
+        if plan.engine != CYCLES and (reason := bakes_light(scene, volume, values)):
+            light = result[index] = light_grid.bake(scene, scene.volumes.index(volume), values["light_resolution"],
+                                                    samples=LIGHT_SAMPLES, seed=seed)
+            plan.decide("baked light", f"{' x '.join(map(str, light.values.shape[:3]))} voxels of scattered light, noise "
+                        f"{light.noise:.0%} in a voxel, {light.error:.1%} in their mean, in {light.seconds:.1f} s", reason)
+    return result
+
+
 def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, width: int, height: int, samples: int, *,
                  settings: Mapping[str, Any] | None = None, seed: int = 0, repeats: int = 1, quiet: bool = True,
                  progress: Callable[[float], None] | None = None) -> Rendered:
@@ -168,7 +187,7 @@ def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, 
     with build.temporary(), tempfile.TemporaryDirectory(prefix="volumetrics") as folder:
         plan = make_plan(scene, bodies, engine, samples, has_null_scattering=compat.current().volume_biased)
         plan.settings.update(settings or {})
-        built = build.build(scene, bodies, plan, label)
+        built = build.build(scene, bodies, plan, label, _baked_light(scene, bodies, plan, seed))
         render = built.render
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
         render.pixel_aspect_x = render.pixel_aspect_y = 1.0

@@ -77,5 +77,10 @@ CLOUD = Group(
                   "cloud boil.", minimum=-1e3, maximum=1e3, soft_minimum=0.0, soft_maximum=10.0, live=True, when=NOISE),
         Parameter("seed", "int", 0, "Another number, another cloud of the same kind.",
                   minimum=0, maximum=9999, live=True, when=NOISE),
+        Parameter("eevee_light", "choice", "baked", "Light in EEVEE: all orders of scattering, baked for lights and camera as they "
+                  "are, or EEVEE's own single scattering with one lobe.", title="EEVEE light",
+                  choices=(("baked", "Baked"), ("scatter", "Scattered once"))),
+        Parameter("light_resolution", "int", 32, "Voxels of the baked light along the longest side of the domain.",
+                  minimum=4, maximum=128, soft_minimum=16, soft_maximum=64, when=("eevee_light", "baked")),
     ),
 )

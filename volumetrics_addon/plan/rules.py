@@ -260,6 +260,18 @@ def eevee_unit(scene: Scene) -> float:
     return max(1.0, 10.0 ** math.floor(math.log10(min(10.0 / max(coefficients), size))))
 
 
+def bakes_light(scene: Scene, volume: Volume, values: Mapping[str, Any]) -> str:
+    """Why EEVEE shows baked light in the volume, described by these values; empty where it scatters by itself.
+
+    Measured on the cumulus in Blender 5.2, 64 pixels wide, against path tracing: EEVEE's own scattering with the mean cosine
+    -30.6 %, relative RMSE 57 %; with the best single g, 0.15, -24 %, 47 %; all orders baked on 32 voxels -0.8 %, 8 %; orders
+    from the second on baked, the first EEVEE's own, +1.3 %, 8 %.
+    """
+    if values.get("eevee_light") != "baked" or scene.orders < 2 or scene.is_dielectric or not volume.medium.scatters:
+        return ""
+    return f"EEVEE scatters once, the scene follows {scene.orders} orders"
+
+
 def participation(scene: Scene, present: Callable[[str, Any], Any]) -> dict[str, Any]:
     """What a user's own scene needs so that the media take part: values by path.
 

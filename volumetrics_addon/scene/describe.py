@@ -130,6 +130,8 @@ def _cloud(volume: Volume) -> dict[str, Any]:
     else:
         values |= {"phase": "dual_hg" if medium.phase.weight > 0.0 else "hg", "g_back": medium.phase.g1,
                    "lobe_weight": medium.phase.weight}
+    if isinstance(shape, Homogeneous):  # its light is as sharp as the shadows and cones of the lights: too sharp for a coarse grid
+        values["eevee_light"] = "scatter"
     if isinstance(shape, NoiseShape):
         if shape.center != volume.domain.center or shape.half != volume.domain.half:
             raise ValueError(f"noise must be centred in its domain and as large, got {shape.center} and {shape.half} in "
