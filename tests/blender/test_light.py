@@ -12,6 +12,7 @@ bpy = pytest.importorskip("bpy")
 from volumetrics_addon import verify  # noqa: E402
 from volumetrics_addon.blender import build, groups, light, render  # noqa: E402
 from volumetrics_addon.cli.doctor import checks  # noqa: E402
+from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
 from volumetrics_addon.parameters.preset import load  # noqa: E402
 from volumetrics_addon.physics.grid import grid_density  # noqa: E402
 from volumetrics_addon.plan.rules import bakes_light  # noqa: E402
@@ -44,7 +45,7 @@ def test_nothing_is_left_of_the_scattering_that_baked_light_replaces():
     volume, = verify.scene_of(chosen).volumes
     baked = LightGrid(np.ones((2, 2, 2, 3)), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.0, 0.0, 0.0, "")
     with build.temporary():
-        tree = groups.group("cloud", chosen.parameters, volume.domain, "cloud",
+        tree = groups.group(FAMILIES["cloud"], chosen.parameters, volume.domain, "cloud",
                             groups.fields_of(volume, light.picture(baked, (0.0, 0.0, 0.0), "light")))
         leave = next(n for n in tree.nodes if n.bl_idname == "NodeGroupOutput")
         seen, queue = set(), [next(s for s in leave.inputs if s.name.startswith("EEVEE"))]
@@ -62,7 +63,7 @@ def test_single_scattering_is_left_to_eevee():
     chosen = load("cumulus")
     scene = verify.scene_of(chosen)
     volume, = scene.volumes
-    assert "128 orders" in bakes_light(scene, volume, chosen.parameters)
+    assert "192 orders" in bakes_light(scene, volume, chosen.parameters)
     assert bakes_light(replace(scene, orders=1), volume, chosen.parameters) == ""
     assert bakes_light(scene, volume, {**chosen.parameters, "eevee_light": "scatter"}) == ""
     assert bakes_light(scene, volume, load("sea-fog").parameters) == ""

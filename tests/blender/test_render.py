@@ -14,6 +14,7 @@ from volumetrics_addon.blender import build, compat, render  # noqa: E402
 from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
 from volumetrics_addon.parameters.preset import Preset, load, names  # noqa: E402
 from volumetrics_addon.parameters.stage import PROP, STAGE  # noqa: E402
+from volumetrics_addon.scene import assemble  # noqa: E402
 
 
 def preset(family, parameters=None, stage=None, props=()):
@@ -172,6 +173,7 @@ def test_plan_settings_exist_in_this_blender():
             with build.temporary():
                 from volumetrics_addon.plan.rules import plan
 
-                made = plan(scene, engine, 1, has_null_scattering=compat.current().volume_biased)
-                built = build.build(scene, [(chosen.family, chosen.parameters)] * len(scene.volumes), made, chosen.label)
+                bodies = [assemble.body(chosen.family, chosen.parameters, scene.volumes)]
+                made = plan(scene, bodies, engine, 1, has_null_scattering=compat.current().volume_biased)
+                built = build.build(scene, bodies, made, chosen.label)
                 assert built.camera is not None and built.world is not None

@@ -405,3 +405,49 @@ def test_a_baked_item_leaves_nothing_behind(scene):
     assert not items.can_bake(item)
     remove(item)
     assert data() == before
+
+
+# --- baked light -------------------------------------------------------------------------------------------------
+
+
+def bake(item):
+    assert bpy.ops.volumetrics.bake_light(item=item.name) == {"FINISHED"}
+
+
+@pytest.mark.parametrize("representation", ["procedural", "baked"])
+def test_baked_light_goes_with_its_item(representation, scene):
+    before = file_state(scene)
+    item = add("cumulus", representation=representation, resolution=16, light_resolution=6)
+    node = items.live_node(item)
+    node.inputs[0].default_value = 0.03
+    item.objects[0].location.x += 40.0
+    bpy.context.view_layer.update()
+    bake(item)
+    node = items.live_node(item)
+    assert node.inputs[0].default_value == pytest.approx(0.03)
+    picture, = (image for image in bpy.data.images if items.TAG in image)
+    pixels = np.array(picture.pixels).reshape(-1, 4)[:, :3]
+    assert pixels.max() > 0.0  # the start-up file's lamp and world
+    groups = len(bpy.data.node_groups)
+    bake(item)  # again: the earlier one is replaced
+    assert len(bpy.data.node_groups) == groups and len([i for i in bpy.data.images if items.TAG in i]) == 1
+    remove(item)
+    assert file_state(scene) == before
+
+
+def test_light_that_cannot_be_baked_is_refused(scene):
+    item = add("cumulus", light_resolution=6)
+    camera, scene.camera = scene.camera, None
+    before = file_state(scene)
+    with pytest.raises(RuntimeError, match="no camera"):
+        bpy.ops.volumetrics.bake_light(item=item.name)
+    scene.camera = camera
+    item.objects[0].scale = (2.0, 1.0, 1.0)
+    bpy.context.view_layer.update()
+    with pytest.raises(RuntimeError, match="turned or scaled"):
+        bpy.ops.volumetrics.bake_light(item=item.name)
+    with pytest.raises(RuntimeError, match="only clouds"):
+        bpy.ops.volumetrics.bake_light(item=add("tea-glass").name)
+    with pytest.raises(RuntimeError, match="no item named"):
+        bpy.ops.volumetrics.bake_light(item="nobody")
+    assert before["data"]["images"] == file_state(scene)["data"]["images"]

@@ -245,6 +245,8 @@ def _cloud(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape
         factors = _octaves(build, inputs)
         dimmed, kept = build.math("MULTIPLY", extinction, factors["extinction"]), build.scale(inputs["albedo"], factors["albedo"])
         outputs |= {"Cycles Volume": _by_phase(build, inputs, values, dimmed, kept, factors)["Cycles Volume"]}
+    if fields.glow:
+        outputs["EEVEE Volume"] = _glow(build, inputs["albedo"], extinction, fields.glow)
     return outputs
 
 

@@ -10,23 +10,27 @@ from __future__ import annotations
 import json
 import uuid
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import bpy
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 from ..parameters.families import FAMILIES
 from ..parameters.model import decimal
 from ..plan.model import CYCLES, EEVEE
 from ..plan.rules import is_baked, participation, plan
+from ..reference import light_grid
 from ..scene import assemble
 from ..scene.bake import voxelized
-from ..scene.model import Camera, Scene, add
-from . import build, compat, grid, groups, objects, settings
+from ..scene.model import Camera, Scene, Sun, Volume, add
+from . import build, compat, extract, grid, groups, light, objects, settings
 
 KEY = "volumetrics"
 TAG = "volumetrics_item"
-_OWNED = ("objects", "meshes", "lights", "materials", "node_groups")  # in the order of use: objects free meshes, ...
+BAKE_SAMPLES = 32  # paths of each voxel: seconds, also with NumPy alone
+# In the order of use: objects free meshes, and those geometry nodes, which free materials, and those shader nodes.
+_OWNED = ("objects", "meshes", "lights", "node_groups", "materials", "node_groups", "images")
 
 
 def items(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
@@ -51,12 +55,15 @@ def live_node(item: bpy.types.Collection) -> bpy.types.Node | None:
 
 
 def values_of(item: bpy.types.Collection) -> dict[str, Any]:
-    """The item's parameters: as it was added, the live ones as they are now."""
+    """The item's parameters: as it was added, and those that are live and have an effect as they are now."""
     mine = record(item)
     family = FAMILIES[mine["family"]]
     values = family.defaults() | mine.get("values", {})
     node = live_node(item)
+    shown = effective(item)
     for parameter, socket in zip(family.live, node.inputs if node else ()):
+        if parameter.name not in shown:
+            continue
         value = socket.default_value
         if parameter.kind == "float":
             value = decimal(value)
@@ -68,10 +75,27 @@ def values_of(item: bpy.types.Collection) -> dict[str, Any]:
 
 def effective(item: bpy.types.Collection) -> list[str]:
     """Names of the live parameters that have an effect: not those of another phase function, nor of a shape that is baked."""
-    family, values = FAMILIES[record(item)["family"]], values_of(item)
+    mine = record(item)
+    family = FAMILIES[mine["family"]]
+    values = family.defaults() | mine.get("values", {})
     if is_baked(values, interactive=True):
         values["density"] = "baked"
     return [parameter.name for parameter in family.live if family.applies(parameter.name, values)]
+
+
+def _volume(item: bpy.types.Collection) -> tuple[dict[str, Any], Volume]:
+    """Values and medium of an item of one volume, where it was added."""
+    values = values_of(item)
+    volume, = assemble.ASSEMBLERS[record(item)["family"]](values, None).volumes
+    volume = compat.as_evaluated(volume)
+    return values, voxelized(volume, values["resolution"]) if is_baked(values, interactive=True) else volume
+
+
+def _domain(item: bpy.types.Collection) -> bpy.types.Object:
+    """The object with the item's own material."""
+    tree = live_node(item).id_data
+    return next(candidate for candidate in item.objects
+                if any(slot.material and slot.material.node_tree == tree for slot in candidate.material_slots))
 
 
 def can_bake(item: bpy.types.Collection) -> bool:
@@ -86,14 +110,13 @@ def bake_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
     """
     if not can_bake(item):
         raise ValueError(f"{item.name} has no noise to bake: it is homogeneous or made of voxels already")
-    mine, node = record(item), live_node(item)
-    values = values_of(item) | {"representation": "baked"}
-    old = next(candidate for candidate in item.objects if candidate.get(TAG) == mine["id"] and candidate.material_slots)
+    mine, node, old = record(item), live_node(item), _domain(item)
     material = old.material_slots[0].material
     before = {name: set(getattr(bpy.data, name)) for name in _OWNED}
-    volume, = assemble.ASSEMBLERS[mine["family"]](values, None).volumes
+    values, volume = _volume(item)
     moved = old.matrix_world @ objects.placement(volume.domain).inverted()  # by the user, since it was added
-    volume = voxelized(compat.as_evaluated(volume), values["resolution"])
+    values["representation"] = "baked"
+    volume = voxelized(volume, values["resolution"])
     medium = assemble.body(mine["family"], values, (volume,))
     described = Scene(Camera((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 1.0), volumes=(volume,), orders=mine["orders"])
     cycles = plan(described, [medium], CYCLES, 1, has_null_scattering=compat.current().volume_biased)
@@ -110,8 +133,7 @@ def bake_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
     for kind in _OWNED:
         for block in set(getattr(bpy.data, kind)) - before[kind]:
             block[TAG] = mine["id"]
-    for group in [g for g in bpy.data.node_groups if g.get(TAG) == mine["id"] and g.users == 0]:
-        bpy.data.node_groups.remove(group)
+    _free(mine["id"])
     item[KEY] = json.dumps(mine | {"values": values})
 
 
@@ -179,6 +201,44 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     return collection
 
 
+def can_bake_light(item: bpy.types.Collection) -> bool:
+    """Whether the item's light in EEVEE can be baked: clouds whose material is still their own."""
+    return record(item)["family"] == "cloud" and live_node(item) is not None
+
+
+def bake_light(scene: bpy.types.Scene, item: bpy.types.Collection, *, samples: int = BAKE_SAMPLES) -> list[str]:
+    """Bake the light that the item scatters towards the scene's camera, all orders of it, for EEVEE.
+
+    The item is lit by the scene's lights and world as ``extract`` reads them, its live values are taken as they are; bodies
+    cast no shadow into it. An earlier bake is replaced. Returns warnings about what was left out. Raises ValueError where the
+    item is no cloud or its domain was turned or scaled, and where the scene has no camera; then nothing has changed.
+    """
+    mine = record(item)
+    if not can_bake_light(item):
+        raise ValueError(f"{item.name} has no light to bake: only clouds with their own material have; add a cloud")
+    node, domain = live_node(item), _domain(item)
+    values, volume = _volume(item)
+    moved = domain.matrix_world @ objects.placement(volume.domain).inverted()
+    if max(abs(value) for row in moved.to_3x3() - Matrix.Identity(3) for value in row) > 1e-6:
+        raise ValueError(f"{domain.name} is turned or scaled, and light is baked along its axes; bring both back and change the size")
+    # The scene seen from the item, as it was added: where the user has moved it, lights and camera move instead.
+    back = tuple(-moved.translation)
+    camera = extract.camera(scene)
+    lights, warnings = extract.lights(scene)
+    environment, more = extract.environment(scene)
+    lit = Scene(replace(camera, position=add(camera.position, back)),
+                tuple(source if isinstance(source, Sun) else replace(source, position=add(source.position, back)) for source in lights),
+                environment, (volume,), orders=mine["orders"])
+    baked = light_grid.bake(lit, 0, values["light_resolution"], samples=samples)
+    before, old = set(bpy.data.images), node.node_tree
+    picture = light.picture(baked, volume.domain.center, f"{mine['label']} light")
+    node.node_tree = groups.group(FAMILIES[mine["family"]], values, volume.domain, old.name, groups.fields_of(volume, picture))
+    for block in (node.node_tree, *(set(bpy.data.images) - before)):
+        block[TAG] = mine["id"]
+    _free(mine["id"])
+    return warnings + more
+
+
 def remove_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
     """Remove the item's objects and what was made for them, and bring back the settings it changed.
 
@@ -195,10 +255,14 @@ def remove_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
         if guest.name not in scene.collection.children:
             scene.collection.children.link(guest)
     bpy.data.collections.remove(item)
-    # Twice: geometry nodes hold materials, which hold shader nodes.
-    for name in 2 * _OWNED:
+    _free(mine["id"])
+
+
+def _free(identity: str) -> None:
+    """Remove what was made for an item and is no longer used."""
+    for name in _OWNED:
         for block in list(getattr(bpy.data, name)):
-            if block.get(TAG) == mine["id"] and block.users == 0:
+            if block.get(TAG) == identity and block.users == 0:
                 getattr(bpy.data, name).remove(block)
 
 

@@ -116,7 +116,7 @@ def _density(volume: Volume, low: Array, cell: float, shape: Array) -> Array:
     axes = [low[axis] + cell * (np.arange(shape[axis]) + 0.5) for axis in range(3)]
     position = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     density = np.zeros(len(position))
-    rows = np.flatnonzero(marching.inside(volume.domain, position))
+    rows = np.flatnonzero(geometry.contains(volume.domain, position))
     density[rows] = optics.density_at(volume, position[rows])
     return density.reshape(shape)
 

@@ -36,64 +36,67 @@ class VOLUMETRICS_OT_add(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class VOLUMETRICS_OT_remove(bpy.types.Operator):
+class _OfItem:
+    """An operator on one item of the scene, by the name of its collection."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    item: bpy.props.StringProperty(name="Item", description="Name of the item's collection", options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.mode == "OBJECT"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        from ..blender import items
+
+        for candidate in items.items(context.scene):
+            if candidate.name == self.item:
+                try:
+                    warnings = self.act(context.scene, candidate) or ()
+                except ValueError as error:
+                    self.report({"ERROR"}, str(error))
+                    return {"CANCELLED"}
+                for warning in warnings:
+                    self.report({"WARNING"}, warning)
+                return {"FINISHED"}
+        self.report({"ERROR"}, f"the scene has no item named {self.item!r}; it may have been renamed or removed")
+        return {"CANCELLED"}
+
+
+class VOLUMETRICS_OT_remove(_OfItem, bpy.types.Operator):
     bl_idname = "volumetrics.remove"
     bl_label = "Remove"
     bl_description = "Remove what was added and bring back the settings it changed"
-    bl_options = {"REGISTER", "UNDO"}
 
-    item: bpy.props.StringProperty(name="Item", description="Name of the item's collection", options={"SKIP_SAVE"})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return context.mode == "OBJECT"
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
         from ..blender import items
 
-        item = _named(self, context)
-        if item is None:
-            return {"CANCELLED"}
-        items.remove_item(context.scene, item)
-        return {"FINISHED"}
+        items.remove_item(scene, item)
 
 
-class VOLUMETRICS_OT_bake(bpy.types.Operator):
+class VOLUMETRICS_OT_bake(_OfItem, bpy.types.Operator):
     bl_idname = "volumetrics.bake"
     bl_label = "Bake into voxels"
-    bl_description = ("Turn the noise as it is now into voxels, which Cycles renders many times sooner; what shapes the cloud is "
-                      "fixed then, colour and scattering stay live")
-    bl_options = {"REGISTER", "UNDO"}
+    bl_description = ("Turn the noise as it is now into voxels, which Cycles renders sooner; what shapes the cloud is fixed then, "
+                      "colour and scattering stay live")
 
-    item: bpy.props.StringProperty(name="Item", description="Name of the item's collection", options={"SKIP_SAVE"})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return context.mode == "OBJECT"
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
         from ..blender import items
 
-        item = _named(self, context)
-        if item is None:
-            return {"CANCELLED"}
-        try:
-            items.bake_item(context.scene, item)
-        except ValueError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        items.bake_item(scene, item)
 
 
-def _named(operator: bpy.types.Operator, context: bpy.types.Context) -> bpy.types.Collection | None:
-    """The item that the operator names; reports an error where there is none."""
-    from ..blender import items
+class VOLUMETRICS_OT_bake_light(_OfItem, bpy.types.Operator):
+    bl_idname = "volumetrics.bake_light"
+    bl_label = "Bake light"
+    bl_description = ("Bake all orders of scattering for EEVEE, for the scene's lights, world and camera as they are now; "
+                      "bake again after moving them")
 
-    for candidate in items.items(context.scene):
-        if candidate.name == operator.item:
-            return candidate
-    operator.report({"ERROR"}, f"the scene has no item named {operator.item!r}; it may have been renamed or removed")
-    return None
+    def act(self, scene: bpy.types.Scene, item: bpy.types.Collection) -> list[str]:
+        from ..blender import items
+
+        return items.bake_light(scene, item)
 
 
-CLASSES = (VOLUMETRICS_OT_add, VOLUMETRICS_OT_remove, VOLUMETRICS_OT_bake)
+CLASSES = (VOLUMETRICS_OT_add, VOLUMETRICS_OT_remove, VOLUMETRICS_OT_bake, VOLUMETRICS_OT_bake_light)
