@@ -229,7 +229,7 @@ def bake_light(scene: bpy.types.Scene, item: bpy.types.Collection, *, samples: i
     lit = Scene(replace(camera, position=add(camera.position, back)),
                 tuple(source if isinstance(source, Sun) else replace(source, position=add(source.position, back)) for source in lights),
                 environment, (volume,), orders=mine["orders"])
-    baked = light_grid.bake(lit, 0, values["light_resolution"], samples=samples)
+    baked = light_grid.bake(lit, 0, values["light_resolution"], samples=samples, smoothing=light_grid.SMOOTHING)
     before, old = set(bpy.data.images), node.node_tree
     picture = light.picture(baked, volume.domain.center, f"{mine['label']} light")
     node.node_tree = groups.group(FAMILIES[mine["family"]], values, volume.domain, old.name, groups.fields_of(volume, picture))

@@ -167,7 +167,7 @@ def _baked_light(scene: Scene, bodies: Sequence[Body], plan: Plan, seed: int) ->
         volume, values = body.volumes[0], body.values
         if plan.engine != CYCLES and (reason := bakes_light(scene, volume, values)):
             light = result[index] = light_grid.bake(scene, scene.volumes.index(volume), values["light_resolution"],
-                                                    samples=LIGHT_SAMPLES, seed=seed)
+                                                    samples=LIGHT_SAMPLES, seed=seed, smoothing=light_grid.SMOOTHING)
             plan.decide("baked light", f"{' x '.join(map(str, light.values.shape[:3]))} voxels of scattered light, noise "
                         f"{light.noise:.0%} in a voxel, {light.error:.1%} in their mean, in {light.seconds:.1f} s", reason)
     return result

@@ -38,6 +38,9 @@ KERNELS = ("numba", "numpy")
 PROBES = 4  # points along each side of a voxel at which the medium is looked for, even
 SPLIT = 2  # cells of "numpy" along each side of a voxel
 BATCH = 8  # samples between two looks at progress
+# Share of each neighbour along an axis that takes the noise of single voxels out of a picture. Measured on the cumulus, 32 voxels,
+# relative RMSE of the picture (mean): 64 samples 7.7 % (+0.1 %), smoothed 6.0 % (-0.4 %); 512 samples 4.9 %, smoothed 4.9 %.
+SMOOTHING = 0.15
 
 
 @dataclass(frozen=True)
@@ -65,10 +68,11 @@ class LightGrid:
 
 
 def bake(scene: Scene, index: int, resolution: int, *, samples: int = 64, kernel: str | None = None, seed: int = 0,
-         progress: Progress | None = None) -> LightGrid:
+         smoothing: float = 0.0, progress: Progress | None = None) -> LightGrid:
     """J of the scene's volume ``index`` for the scene's camera, with ``resolution`` cubes along the longest side of its domain.
 
-    Each voxel with medium in it or beside it gets ``samples`` paths of up to ``scene.orders`` scattering events. Raises
+    Each voxel with medium in it or beside it gets ``samples`` paths of up to ``scene.orders`` scattering events; ``smoothing``
+    mixes it with its neighbours (see SMOOTHING), for which the stated errors are not reduced. Raises
     ValueError for a volume that does not scatter or refracts, for numbers below 2 (voxels) and 1 (samples), and for an extinction
     that differs between channels with "numpy".
     """
@@ -101,6 +105,8 @@ def bake(scene: Scene, index: int, resolution: int, *, samples: int = 64, kernel
     variance = np.maximum(square - mean**2, 0.0) / max(samples - 1, 1)
     values = np.zeros((*shape, 3))
     values[tuple(where.T)] = mean
+    if smoothing > 0.0:
+        values = _smoothed(values, where, smoothing)
     level = max(float(mean.mean()) if len(points) else 0.0, 1e-300)
     error = float(np.sqrt(variance.mean() / max(len(points), 1))) / level if len(points) else 0.0
     noise = float(np.sqrt(variance.mean())) / level if len(points) else 0.0
@@ -134,6 +140,21 @@ def _widened(filled: Array) -> Array:
         moved[:-1] |= np.moveaxis(filled, axis, 0)[1:]
         filled = np.moveaxis(moved, 0, axis)
     return filled
+
+
+def _smoothed(values: Array, where: Array, share: float) -> Array:
+    """Each of the voxels ``where`` mixed with its neighbours among them, axis by axis."""
+    weight = np.zeros(values.shape[:3] + (1,))
+    weight[tuple(where.T)] = 1.0
+    filled = weight > 0.0
+    both = np.concatenate([values, weight], axis=-1)
+    for axis in range(3):
+        line = np.moveaxis(both, axis, 0)
+        mixed = (1.0 - 2.0 * share) * line
+        mixed[1:] += share * line[:-1]
+        mixed[:-1] += share * line[1:]
+        both = np.moveaxis(mixed, 0, axis)
+    return np.where(filled, both[..., :3] / np.where(filled, both[..., 3:], 1.0), 0.0)
 
 
 # --- estimators: (points (n, 3), samples made before, samples) -> mean of J (n, 3) and of its square ------------
