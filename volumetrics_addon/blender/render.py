@@ -183,26 +183,36 @@ def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, 
     if engine != CYCLES:
         repeats = 1
     start = time.perf_counter()
-    images = []
-    with build.temporary(), tempfile.TemporaryDirectory(prefix="volumetrics") as folder:
+    with build.temporary():
         plan = make_plan(scene, bodies, engine, samples, has_null_scattering=compat.current().volume_biased)
         plan.settings.update(settings or {})
         built = build.build(scene, bodies, plan, label, _baked_light(scene, bodies, plan, seed))
-        render = built.render
-        render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
-        render.pixel_aspect_x = render.pixel_aspect_y = 1.0
-        render.use_file_extension = True
-        compat.select_exr(render.image_settings)
+        images = render_built(built, width, height, seed=seed, repeats=repeats, quiet=quiet, progress=progress)
+    return Rendered(images, plan, time.perf_counter() - start)
+
+
+def render_built(built: bpy.types.Scene, width: int, height: int, *, seed: int = 0, repeats: int = 1, quiet: bool = True,
+                 progress: Callable[[float], None] | None = None) -> np.ndarray:
+    """Images (repeats, height, width, 3) of a Blender scene, with consecutive seeds in Cycles.
+
+    Raises RenderError when the engine writes no image.
+    """
+    images = []
+    render = built.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+    render.pixel_aspect_x = render.pixel_aspect_y = 1.0
+    render.use_file_extension = True
+    compat.select_exr(render.image_settings)
+    with tempfile.TemporaryDirectory(prefix="volumetrics") as folder:
         for repeat in range(repeats):
-            if engine == CYCLES:
-                built.cycles.seed = seed + repeat
+            built.cycles.seed = seed + repeat
             path = Path(folder) / f"{repeat}.exr"
             render.filepath = str(path)
             with _interruptible(folder), _quiet(quiet):
                 bpy.ops.render.render(write_still=True, scene=built.name)
             if not path.exists():
-                raise RenderError(f"{engine} wrote no image; run 'volumetrics doctor' to see what is missing")
+                raise RenderError(f"{render.engine} wrote no image; run 'volumetrics doctor' to see what is missing")
             images.append(read_image(path))
             if progress:
                 progress((repeat + 1) / repeats)
-    return Rendered(np.stack(images), plan, time.perf_counter() - start)
+    return np.stack(images)
