@@ -23,6 +23,7 @@ from ..plan.model import CYCLES, Plan
 from ..plan.rules import plan as make_plan
 from ..scene.assemble import body
 from ..scene.body import Body
+from ..scene.channels import CHANNELS, channel, channel_body
 from ..scene.model import Scene
 from . import build, compat
 
@@ -164,10 +165,25 @@ def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, 
     if engine != CYCLES:
         repeats = 1
     start = time.perf_counter()
+    plan = make_plan(scene, bodies, engine, samples, has_null_scattering=compat.current().volume_biased)
+    plan.settings.update(settings or {})
+    report = progress or (lambda share: None)
+    if not plan.channels_apart:
+        images = _shoot(scene, bodies, label, plan, width, height, seed, repeats, quiet, report)
+        return Rendered(images, plan, time.perf_counter() - start)
+    parts = []
+    for index in CHANNELS:
+        grey = _shoot(channel(scene, index), [channel_body(body, index) for body in bodies], label, plan, width, height, seed,
+                      repeats, quiet, lambda share: report((index + share) / len(CHANNELS)))
+        parts.append(grey.mean(axis=-1))
+    return Rendered(np.stack(parts, axis=-1), plan, time.perf_counter() - start)
+
+
+def _shoot(scene: Scene, bodies: Sequence[Body], label: str, plan: Plan, width: int, height: int, seed: int, repeats: int,
+           quiet: bool, progress: Callable[[float], None]) -> np.ndarray:
+    """Images (k, height, width, 3) of one Blender scene, built and removed again."""
     images = []
     with build.temporary(), tempfile.TemporaryDirectory(prefix="volumetrics") as folder:
-        plan = make_plan(scene, bodies, engine, samples, has_null_scattering=compat.current().volume_biased)
-        plan.settings.update(settings or {})
         built = build.build(scene, bodies, plan, label)
         render = built.render
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
@@ -175,15 +191,14 @@ def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, 
         render.use_file_extension = True
         compat.select_exr(render.image_settings)
         for repeat in range(repeats):
-            if engine == CYCLES:
+            if plan.engine == CYCLES:
                 built.cycles.seed = seed + repeat
             path = Path(folder) / f"{repeat}.exr"
             render.filepath = str(path)
             with _interruptible(folder), _quiet(quiet):
                 bpy.ops.render.render(write_still=True, scene=built.name)
             if not path.exists():
-                raise RenderError(f"{engine} wrote no image; run 'volumetrics doctor' to see what is missing")
+                raise RenderError(f"{plan.engine} wrote no image; run 'volumetrics doctor' to see what is missing")
             images.append(read_image(path))
-            if progress:
-                progress((repeat + 1) / repeats)
-    return Rendered(np.stack(images), plan, time.perf_counter() - start)
+            progress((repeat + 1) / repeats)
+    return np.stack(images)

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import combinations
 from typing import Any
 
 from ..scene.body import Body
+from ..scene.channels import mixes
 from ..scene.model import (
     Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, NoiseShape, Scene, Shape, Sun, Vector, Volume,
 )
@@ -69,6 +71,10 @@ def plan(scene: Scene, bodies: Sequence[Body], engine: str, samples: int, *, has
     """
     result = Plan(engine, samples)
     (_cycles if engine == CYCLES else _eevee)(scene, bodies, result, has_null_scattering, seed)
+    result.channels_apart = any(mixes(a.medium, b.medium) for body in bodies for a, b in combinations(body.volumes, 2))
+    if result.channels_apart:
+        result.decide("channels apart", "one render in grey for each channel",
+                      "where lobes of different colours mix, the engines give all channels the mixture of their mean")
     return result
 
 
