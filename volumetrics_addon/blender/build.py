@@ -71,7 +71,7 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
     if plan.light_enclosure:
         add_enclosure(scene.lights, bodies, "Light enclosure", collection)
     result.world = objects.world(scene.environment, "Volumetrics world")
-    result.camera = objects.camera(scene.camera, clip_range(scene, bodies), "Volumetrics camera", collection)
+    result.camera = objects.camera(scene.camera, clip_range(scene, bodies, plan.engine), "Volumetrics camera", collection)
     render = result.render
     render.engine = "CYCLES" if plan.engine == CYCLES else compat.current().eevee
     render.film_transparent = False
@@ -123,8 +123,11 @@ def add_enclosure(lights: Sequence[Light], bodies: Sequence[Body], name: str,
     return result
 
 
-def clip_range(scene: Scene, bodies: Sequence[Body]) -> tuple[float, float]:
-    """Camera clipping that holds the whole scene, with a ratio that EEVEE's depth can resolve."""
+def clip_range(scene: Scene, bodies: Sequence[Body], engine: str) -> tuple[float, float]:
+    """Camera clipping that holds the whole scene, for EEVEE with a ratio that its depth can resolve.
+
+    The medium nearer than the start does not count in either engine.
+    """
     eye = scene.camera.position
     reach, clearance = 0.0, math.inf
     for shape in (surface.shape for surface in scene.surfaces):
@@ -139,5 +142,7 @@ def clip_range(scene: Scene, bodies: Sequence[Body]) -> tuple[float, float]:
         reach = max(reach, *(math.dist(corner, eye) for corner in bounds(body.domain)))
     # Two opposite corners of the bounds do not hold the farthest one: their diagonal does.
     reach = 2.0 * max(reach, 1e-3)
+    if engine == CYCLES:
+        return 1e-7 * reach, reach
     # From a tower the ground below is nearer than a ten thousandth of the air's reach.
-    return max(1e-7 * reach, min(1e-4 * reach, 0.5 * clearance)), reach
+    return max(1e-7 * reach, min(1e-4 * reach, 0.05 * clearance)), reach

@@ -26,6 +26,7 @@ from ..reference import light_grid
 from ..reference.light_grid import LightGrid
 from ..scene.assemble import body
 from ..scene.body import Body
+from ..scene.channels import CHANNELS, channel, channel_body
 from ..scene.model import Scene
 from . import build, compat
 
@@ -183,12 +184,23 @@ def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, 
     if engine != CYCLES:
         repeats = 1
     start = time.perf_counter()
-    with build.temporary():
-        plan = make_plan(scene, bodies, engine, samples, has_null_scattering=compat.current().volume_biased)
-        plan.settings.update(settings or {})
-        built = build.build(scene, bodies, plan, label, _baked_light(scene, bodies, plan, seed))
-        images = render_built(built, width, height, seed=seed, repeats=repeats, quiet=quiet, progress=progress)
-    return Rendered(images, plan, time.perf_counter() - start)
+    plan = make_plan(scene, bodies, engine, samples, has_null_scattering=compat.current().volume_biased)
+    plan.settings.update(settings or {})
+    report = progress or (lambda share: None)
+    if not plan.channels_apart:
+        baked = _baked_light(scene, bodies, plan, seed)
+        with build.temporary():
+            built = build.build(scene, bodies, plan, label, baked)
+            images = render_built(built, width, height, seed=seed, repeats=repeats, quiet=quiet, progress=report)
+        return Rendered(images, plan, time.perf_counter() - start)
+    parts = []
+    for index in CHANNELS:
+        with build.temporary():
+            built = build.build(channel(scene, index), [channel_body(body, index) for body in bodies], plan, label)
+            grey = render_built(built, width, height, seed=seed, repeats=repeats, quiet=quiet,
+                                progress=lambda share: report((index + share) / len(CHANNELS)))
+        parts.append(grey.mean(axis=-1))
+    return Rendered(np.stack(parts, axis=-1), plan, time.perf_counter() - start)
 
 
 def render_built(built: bpy.types.Scene, width: int, height: int, *, seed: int = 0, repeats: int = 1, quiet: bool = True,

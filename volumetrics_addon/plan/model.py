@@ -23,7 +23,7 @@ class Decision:
 class Plan:
     """Settings by path below the Blender scene, settings of each body's material, and the decisions behind them.
 
-    ``unit``: metres in one unit of the Blender scene.
+    ``unit``: metres in one unit of the Blender scene. ``channels_apart``: red, green and blue are three renders in grey.
     """
 
     engine: str
@@ -33,6 +33,7 @@ class Plan:
     decisions: list[Decision] = field(default_factory=list)
     light_enclosure: bool = False
     unit: float = 1.0
+    channels_apart: bool = False
 
     def decide(self, rule: str, effect: str, reason: str) -> None:
         self.decisions.append(Decision(rule, effect, reason))

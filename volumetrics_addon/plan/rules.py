@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
 from ..scene.body import Body
+from ..scene.channels import mixes
 from ..scene.model import (
     Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, NoiseShape, Scene, Shape, Sun, Vector, Volume,
 )
@@ -30,6 +32,10 @@ THICKEST_STEP = 0.15
 # sample of the storm (220) takes 0.75 s marched and 0.07 s by null-scattering, one of the stratus (120) 0.08 and 0.06 s, and
 # null-scattering needs a few seconds more before the first.
 NULL_SCATTERING_DEPTH = 100.0
+# Air is thin and smooth along a ray, and takes longer steps: scale heights, and optical depth at the ground. Measured on Blender
+# 5.2 in single scattering: noon -0.04 % +- 0.06 % and sunset -0.03 % +- 0.10 % in 11 s and 24 s at 3 scale heights, the same
+# within the noise in 23 s and 59 s at 1; null-scattering +0.41 % +- 0.06 % and -0.04 % +- 0.20 % in 150 s for half the samples.
+AIR_STEP, AIR_DEPTH = 3.0, 0.3
 GLASS_BOUNCES = 64  # interfaces followed through refracting solids
 EEVEE_DEFAULT_THRESHOLD = 0.01
 EEVEE_COEFFICIENT = 1e-4  # 1/m; below, EEVEE loses more than 5 % of a medium, and below 1e-5 all of it
@@ -88,6 +94,10 @@ def plan(scene: Scene, bodies: Sequence[Body], engine: str, samples: int, *, has
     """
     result = Plan(engine, samples)
     (_cycles if engine == CYCLES else _eevee)(scene, bodies, result, has_null_scattering, seed)
+    result.channels_apart = any(mixes(a.medium, b.medium) for body in bodies for a, b in combinations(body.volumes, 2))
+    if result.channels_apart:
+        result.decide("channels apart", "one render in grey for each channel",
+                      "where lobes of different colours mix, the engines give all channels the mixture of their mean")
     return result
 
 
@@ -132,22 +142,19 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
         "cycles.volume_max_steps": 65536,
         "cycles.volume_step_rate": 1.0,
     })
-    features = [min(map(_feature, body.volumes)) for body in bodies]
+    steps = [min(map(_step, body.volumes)) for body in bodies]
     thick = has_null_scattering and any(map(_is_thick, bodies))
-    marched = MARCHING_STEP > 0.0 and not thick and any(
-        feature > 0.0 and not isinstance(body.volumes[0].medium.density, ExponentialAltitude)
-        for body, feature in zip(bodies, features))
+    marched = any(steps) and not thick
     if has_null_scattering:
         result.settings["cycles.volume_biased"] = marched
     if thick:
         result.decide("null-scattering", "free flights instead of steps",
                       f"voxels of an optical depth of {NULL_SCATTERING_DEPTH:g} or more would need too many steps")
-    marched = marched or not has_null_scattering
-    if marched and any(features):
-        result.decide("ray marching", f"steps of {MARCHING_STEP:g} of each medium's smallest feature",
+    if marched:
+        result.decide("ray marching", f"steps of {min(filter(None, steps)):g} m",
                       "a heterogeneous medium reaches the same error sooner than by null-scattering")
-    for body, feature in zip(bodies, features):
-        homogeneous = feature == 0.0
+    for body, step in zip(bodies, steps):
+        homogeneous = step == 0.0
         settings = {"homogeneous_volume": homogeneous, "volume_sampling": _sampling(scene), "volume_step_rate": 1.0}
         density = body.volumes[0].medium.density
         if isinstance(density, Grid):
@@ -156,24 +163,27 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
         if homogeneous:
             result.decide("analytic path", "no density is sampled", "the medium is homogeneous")
         elif marched:
-            settings["volume_step_rate"] = max(1e-3, MARCHING_STEP * feature / _engine_step(body))
+            settings["volume_step_rate"] = max(1e-3, step / _engine_step(body))
         result.volume_settings.append(settings)
 
 
-def _feature(volume: Volume) -> float:
-    """Smallest length (m) over which the density changes by much; 0 for a homogeneous medium."""
+def _step(volume: Volume) -> float:
+    """Length (m) of a step of ray marching; 0 for a homogeneous medium, which needs none."""
     match volume.medium.density:
-        case ExponentialHeight() | ExponentialAltitude() as density:
-            return density.scale_height
+        case ExponentialHeight() as density:
+            return MARCHING_STEP * density.scale_height
         case NoiseShape() as density:
             # The softness turns the slope of the noise into an edge.
             size = density.noise_size
             if density.billow_octaves > 0 and density.billow_strength != 0.0:
                 size = min(size, density.billow_size)
-            return size * min(1.0, density.softness)
+            return MARCHING_STEP * size * min(1.0, density.softness)
         case Grid() as density:
             thickest = max(volume.medium.sigma_t) * float(density.values.max())
-            return min(VOXELS_PER_FEATURE * _voxel(density), THICKEST_STEP / MARCHING_STEP / max(thickest, 1e-300))
+            return min(MARCHING_STEP * VOXELS_PER_FEATURE * _voxel(density), THICKEST_STEP / max(thickest, 1e-300))
+        case ExponentialAltitude() as density:
+            thickest = max(max(volume.medium.sigma_t), 1e-300)
+            return min(AIR_STEP * density.scale_height, AIR_DEPTH / thickest)
     return 0.0
 
 
