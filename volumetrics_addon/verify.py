@@ -17,7 +17,7 @@ from .compare.report import report_picture
 from .compare.statistics import Comparison, Estimate, compare
 from .parameters.preset import Preset
 from .plan.model import CYCLES, EEVEE
-from .plan.rules import bakes_light, is_baked
+from .plan.rules import bakes_light, is_baked, light_resolution
 from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
@@ -130,7 +130,8 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
         baked = [bool(bakes_light(scene, volume, preset.parameters)) for volume in scene.volumes]
         if all(baked):
             notes.append("EEVEE stores the medium in froxels of 11-bit floats")
-            notes.append(f"EEVEE shows all orders of scattering as light baked on {preset.parameters['light_resolution']} voxels")
+            voxels = max(light_resolution(volume, preset.parameters) for volume in scene.volumes)
+            notes.append(f"EEVEE shows all orders of scattering as light baked on {voxels} voxels")
         else:
             notes.append("EEVEE stores the medium in froxels of 11-bit floats and marches shadows through them")
         if scene.orders > 1 and not all(baked):

@@ -19,7 +19,7 @@ from mathutils import Matrix, Vector
 from ..parameters.families import FAMILIES
 from ..parameters.model import decimal
 from ..plan.model import CYCLES, EEVEE
-from ..plan.rules import is_baked, participation, plan
+from ..plan.rules import is_baked, light_resolution, participation, plan
 from ..reference import light_grid
 from ..scene import assemble
 from ..scene.bake import voxelized
@@ -229,7 +229,7 @@ def bake_light(scene: bpy.types.Scene, item: bpy.types.Collection, *, samples: i
     lit = Scene(replace(camera, position=add(camera.position, back)),
                 tuple(source if isinstance(source, Sun) else replace(source, position=add(source.position, back)) for source in lights),
                 environment, (volume,), orders=mine["orders"])
-    baked = light_grid.bake(lit, 0, values["light_resolution"], samples=samples, smoothing=light_grid.SMOOTHING)
+    baked = light_grid.bake(lit, 0, light_resolution(volume, values), samples=samples, smoothing=light_grid.SMOOTHING)
     before, old = set(bpy.data.images), node.node_tree
     picture = light.picture(baked, volume.domain.center, f"{mine['label']} light")
     node.node_tree = groups.group(FAMILIES[mine["family"]], values, volume.domain, old.name, groups.fields_of(volume, picture))

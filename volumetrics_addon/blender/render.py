@@ -20,7 +20,7 @@ import numpy as np
 
 from ..parameters.preset import Preset
 from ..plan.model import CYCLES, Plan
-from ..plan.rules import bakes_light
+from ..plan.rules import bakes_light, light_resolution
 from ..plan.rules import plan as make_plan
 from ..reference import light_grid
 from ..reference.light_grid import LightGrid
@@ -167,7 +167,7 @@ def _baked_light(scene: Scene, bodies: Sequence[Body], plan: Plan, seed: int) ->
     for index, body in enumerate(bodies):
         volume, values = body.volumes[0], body.values
         if plan.engine != CYCLES and (reason := bakes_light(scene, volume, values)):
-            light = result[index] = light_grid.bake(scene, scene.volumes.index(volume), values["light_resolution"],
+            light = result[index] = light_grid.bake(scene, scene.volumes.index(volume), light_resolution(volume, values),
                                                     samples=LIGHT_SAMPLES, seed=seed, smoothing=light_grid.SMOOTHING)
             plan.decide("baked light", f"{' x '.join(map(str, light.values.shape[:3]))} voxels of scattered light, noise "
                         f"{light.noise:.0%} in a voxel, {light.error:.1%} in their mean, in {light.seconds:.1f} s", reason)
