@@ -14,6 +14,7 @@ from volumetrics_addon.blender import build, compat, render  # noqa: E402
 from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
 from volumetrics_addon.parameters.preset import Preset, load, names  # noqa: E402
 from volumetrics_addon.parameters.stage import PROP, STAGE  # noqa: E402
+from volumetrics_addon.scene.assemble import body  # noqa: E402
 
 
 def preset(family, parameters=None, stage=None, props=()):
@@ -121,7 +122,7 @@ def test_single_scattering_to_four_digits(light):
 
 
 # Per preset: samples, repeats, so that the interval of the mean resolves the tolerance in a few seconds.
-QUICK = {"cloud": (48, 8), "glass": (32, 8), "fog": (32, 8), "godray": (64, 8)}
+QUICK = {"cloud": (48, 8), "glass": (32, 8), "fog": (32, 8), "godray": (64, 8), "air": (32, 8)}
 # The reference is checked to 0.5 % everywhere and to 0.1 % in single scattering and glass; the noise of these quick
 # renders comes on top: a preset fails when its error is beyond the tolerance with 99.9 % confidence, so that the few
 # dozen comparisons of a test run raise no false alarm. The README's table states the errors at more samples.
@@ -168,6 +169,7 @@ def test_plan_settings_exist_in_this_blender():
             with build.temporary():
                 from volumetrics_addon.plan.rules import plan
 
-                made = plan(scene, engine, 1, has_null_scattering=compat.current().volume_biased)
-                built = build.build(scene, [(chosen.family, chosen.parameters)] * len(scene.volumes), made, chosen.label)
+                bodies = [body(chosen.family, chosen.parameters, scene.volumes)]
+                made = plan(scene, bodies, engine, 1, has_null_scattering=compat.current().volume_biased)
+                built = build.build(scene, bodies, made, chosen.label)
                 assert built.camera is not None and built.world is not None
