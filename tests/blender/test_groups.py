@@ -68,6 +68,7 @@ def variants():
     yield "glass-sphere", "glass", {}, "ball"
     yield "glass-block", "glass", {"shape": "block"}, "block"
     yield "glass-tint", "glass", {"refraction": False}, "tint"
+    yield "air", "air", {}, "air"
 
 
 VARIANTS = list(variants())
@@ -80,7 +81,7 @@ def test_node_trees_are_as_recorded(snapshot, family, changes, label):
     values = FAMILIES[family].check(changes)
     domain = assemble.ASSEMBLERS[family](values, assemble.Bounds([(-5, -5, 0), (5, 5, 3)])).volumes[0].domain
     with build.temporary():
-        material = groups.material(family, values, domain, label)
+        material = groups.material(FAMILIES[family], values, domain, label)
         node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
         lines = ["# group", *describe(node.node_tree), "# material", *describe(material.node_tree)]
     text = "\n".join(lines) + "\n"
@@ -102,7 +103,7 @@ def test_live_parameters_are_sockets_with_their_declaration(family):
     values = FAMILIES[family].defaults()
     domain = assemble.ASSEMBLERS[family](values, assemble.Bounds([(-5, -5, 0), (5, 5, 3)])).volumes[0].domain
     with build.temporary():
-        tree = groups.group(family, values, domain, "group")
+        tree = groups.group(FAMILIES[family], values, domain, "group")
         sockets = [item for item in tree.interface.items_tree if item.in_out == "INPUT"]
         assert [s.name for s in sockets] == [p.label for p in FAMILIES[family].live] and sockets
         for socket, parameter in zip(sockets, FAMILIES[family].live):
@@ -117,7 +118,7 @@ def test_both_engines_get_an_output_of_their_own():
     for name in names():
         preset = load(name)
         with build.temporary():
-            material = groups.material(preset.family, preset.parameters, scene_of(preset).volumes[0].domain, name)
+            material = groups.material(preset.group, preset.parameters, scene_of(preset).volumes[0].domain, name)
             outputs = [n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial"]
             assert {o.target for o in outputs} == {"CYCLES", "EEVEE"}
             for output in outputs:
@@ -131,7 +132,7 @@ def test_eevee_never_gets_two_lobes():
     from volumetrics_addon.scene.model import Ellipsoid
 
     with build.temporary():
-        tree = groups.group("cloud", values, Ellipsoid((0, 0, 0), (1, 1, 1)), "group")
+        tree = groups.group(FAMILIES["cloud"], values, Ellipsoid((0, 0, 0), (1, 1, 1)), "group")
         leave = next(n for n in tree.nodes if n.bl_idname == "NodeGroupOutput")
         seen, queue = set(), [next(s for s in leave.inputs if s.name.startswith("EEVEE"))]
         while queue:

@@ -122,7 +122,7 @@ def test_single_scattering_to_four_digits(light):
 
 
 # Per preset: samples, repeats, so that the interval of the mean resolves the tolerance in a few seconds.
-QUICK = {"cloud": (48, 8), "glass": (32, 8), "fog": (32, 8), "godray": (64, 8)}
+QUICK = {"cloud": (48, 8), "glass": (32, 8), "fog": (32, 8), "godray": (64, 8), "air": (32, 8)}
 # The reference is checked to 0.5 % everywhere and to 0.1 % in single scattering and glass; the noise of these quick
 # renders comes on top: a preset fails when its error is beyond the tolerance with 99.9 % confidence, so that the few
 # dozen comparisons of a test run raise no false alarm. The README's table states the errors at more samples.

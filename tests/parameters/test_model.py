@@ -27,7 +27,7 @@ DECLARED = [pytest.param(group, parameter, id=f"{group.name}.{parameter.name}")
             for group in GROUPS for parameter in group.parameters]
 
 # Ratios, cosines and exponents: no unit belongs to them.
-DIMENSIONLESS = {"g", "g_back", "lobe_weight", "octave_extinction", "octave_phase", "octave_contribution", "fill", "softness", "base",
+DIMENSIONLESS = {"g", "g_back", "lobe_weight", "mie_g", "octave_extinction", "octave_phase", "octave_contribution", "fill", "softness", "base",
                  "noise_detail", "noise_roughness", "noise_strength", "billow_strength", "billow_roughness", "stretch", "evolution",
                  "cutoff", "ior", "blend", "blocker_fill", "aspect"}
 
@@ -173,7 +173,7 @@ def test_a_declaration_that_contradicts_itself_does_not_load():
 
 
 def test_there_are_families_with_parameters():
-    assert list(FAMILIES) == ["cloud", "glass", "fog", "godray"]
+    assert list(FAMILIES) == ["cloud", "glass", "fog", "godray", "air"]
     assert all(name == group.name for name, group in FAMILIES.items())
     assert len(DECLARED) >= 60
     assert all(group.live for group in FAMILIES.values())

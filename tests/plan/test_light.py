@@ -9,7 +9,7 @@ from volumetrics_addon.scene.model import Box, Medium, Volume
 
 @pytest.mark.parametrize("half, asked, expected", [
     ((10.0, 10.0, 10.0), 32, 32),  # a cube has what is asked for
-    ((100.0, 100.0, 10.0), 32, 60),  # six voxels across a tenth of the length
+    ((100.0, 100.0, 10.0), 32, 80),  # eight voxels across a tenth of the length
     ((100.0, 100.0, 10.0), 96, 96),
     ((1000.0, 1000.0, 1.0), 32, 128),  # and not more than a grid can hold
     ((1000.0, 1000.0, 1.0), 160, 160),

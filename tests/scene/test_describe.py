@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import pytest
 
+from volumetrics_addon.bench.scenes import by_name
 from volumetrics_addon.parameters.families import FAMILIES
 from volumetrics_addon.parameters.preset import load, names
 from volumetrics_addon.scene import assemble
 from volumetrics_addon.scene.describe import describe, describe_scene
 from volumetrics_addon.scene.model import (
-    Box, Camera, ExponentialAltitude, Grid, Medium, MiePhase, Phase, Projector, RayleighPhase, Scene, Volume,
+    Box, Camera, Ellipsoid, ExponentialAltitude, Grid, Medium, MiePhase, Phase, Projector, RayleighPhase, Scene, Volume,
 )
 
 BOX = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
@@ -30,20 +31,24 @@ def test_inverse_of_assembly(name):
     preset = load(name)
     scene = assemble.scene(preset.family, preset.parameters, preset.stage, preset.props)
     assert scene.volumes
-    for volume in scene.volumes:
-        family, values = describe(volume)
+    described = describe_scene(scene)
+    assert [volume for body in described for volume in body.volumes] == list(scene.volumes)
+    for body in described:
+        family, values = body.family.name, body.values
         # Position and size of a domain are the Scene's, only the material is described.
-        placed = values | {key: preset.parameters[key] for key in ("location", "size", "rotation", "domain", "margin", "cutoff")
+        placed = values | {key: preset.parameters[key] for key in ("location", "size", "rotation", "domain", "margin", "cutoff",
+                                                               "reach", "ground_albedo")
                            if key in preset.parameters and key in values}
         if preset.family == "godray":
             assert family == "cloud"
             placed |= {"domain": "box"}
-        again, = assemble.ASSEMBLERS[family](placed, assemble.Bounds([(0.0, 0.0, 0.0)])).volumes
-        for mine, other in ((again.medium.sigma_s, volume.medium.sigma_s), (again.medium.sigma_a, volume.medium.sigma_a)):
-            assert close(mine, other)
-        assert again.medium.phase == volume.medium.phase
-        assert again.medium.density == volume.medium.density
-        assert again.boundary == volume.boundary
+        for again, volume in zip(assemble.ASSEMBLERS[family](placed, assemble.Bounds([(0.0, 0.0, 0.0)])).volumes, body.volumes,
+                                 strict=True):
+            for mine, other in ((again.medium.sigma_s, volume.medium.sigma_s), (again.medium.sigma_a, volume.medium.sigma_a)):
+                assert close(mine, other)
+            assert again.medium.phase == volume.medium.phase
+            assert again.medium.density == volume.medium.density
+            assert again.boundary == volume.boundary
 
 
 def test_droplets_and_billows_come_back():
@@ -81,3 +86,51 @@ def test_projector_is_refused():
     with pytest.raises(ValueError, match="spot with blockers"):
         describe_scene(scene)
     assert describe_scene(replace(scene, lights=())) == []
+
+
+# --- air --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["sky-noon", "sky-sunset"])
+def test_the_benchmark_skies_are_air(name):
+    scene = by_name(name).make()
+    air, = describe_scene(scene)
+    assert air.family.name == "air" and air.volumes == scene.volumes
+    assert air.family.check(air.values) == air.values
+    again = assemble.air(air.values)
+    for mine, other in zip(again.volumes, scene.volumes, strict=True):
+        assert close(mine.medium.sigma_s, other.medium.sigma_s) and close(mine.medium.sigma_a, other.medium.sigma_a)
+        assert replace(mine.medium, sigma_s=(), sigma_a=()) == replace(other.medium, sigma_s=(), sigma_a=())
+        assert mine.domain == other.domain
+    assert again.surfaces == scene.surfaces
+
+
+def test_air_reaches_to_where_the_horizon_leaves_it():
+    """From 100 m the ground ends after 36 km, and the line that grazes it is 60 km high after 876 km more."""
+    air, = describe_scene(by_name("sky-noon").make())
+    assert air.values["reach"] == pytest.approx(math.sqrt(2 * 6.36e6 * 100) + math.sqrt(6.42e6**2 - 6.36e6**2), rel=1e-3)
+    low, high = (air.domain.center[2] - air.domain.half[2], air.domain.center[2] + air.domain.half[2])
+    assert high == pytest.approx(60_000.0)
+    assert low == pytest.approx(math.sqrt(6.36e6**2 - air.values["reach"] ** 2) - 6.36e6, rel=1e-6)  # the ground's drop there
+
+
+SKY = by_name("sky-noon").make()
+MOLECULES, AEROSOL = SKY.volumes
+
+
+@pytest.mark.parametrize("volumes, message", [
+    ((MOLECULES, replace(AEROSOL, domain=Ellipsoid((0.0, 0.0, -6.36e6), (6.5e6,) * 3))), "one planet in one domain"),
+    ((MOLECULES, MOLECULES), "molecules and one aerosol"),
+    ((replace(MOLECULES, domain=BOX),), "end in a sphere"),
+    ((replace(MOLECULES, medium=replace(MOLECULES.medium, sigma_a=(1e-6,) * 3)),), "do not absorb"),
+    ((replace(AEROSOL, medium=replace(AEROSOL.medium, phase=Phase(0.8, -0.2, 0.2))),), "one HG lobe"),
+    ((replace(AEROSOL, medium=replace(AEROSOL.medium, sigma_s=(1e-6, 1e-6, 2e-6))),), "colour the albedo"),
+])
+def test_air_that_the_family_has_not(volumes, message):
+    with pytest.raises(ValueError, match=message):
+        describe_scene(replace(SKY, volumes=volumes))
+
+
+def test_two_domains_are_two_bodies():
+    with pytest.raises(ValueError, match="make a body of each"):
+        assemble.body("air", describe_scene(SKY)[0].values, (MOLECULES, replace(AEROSOL, domain=BOX)))

@@ -31,7 +31,7 @@ from ..scene.model import Scene
 from . import build, compat
 
 
-LIGHT_SAMPLES = 64  # paths of each voxel of baked light
+LIGHT_PATHS = 64 * 32  # of baked light: for each of its voxels, times the voxels along its longest side
 
 
 class RenderError(RuntimeError):
@@ -167,8 +167,10 @@ def _baked_light(scene: Scene, bodies: Sequence[Body], plan: Plan, seed: int) ->
     for index, body in enumerate(bodies):
         volume, values = body.volumes[0], body.values
         if plan.engine != CYCLES and (reason := bakes_light(scene, volume, values)):
-            light = result[index] = light_grid.bake(scene, scene.volumes.index(volume), light_resolution(volume, values),
-                                                    samples=LIGHT_SAMPLES, seed=seed, smoothing=light_grid.SMOOTHING)
+            resolution = light_resolution(volume, values)
+            light = light_grid.bake(scene, scene.volumes.index(volume), resolution, samples=max(8, LIGHT_PATHS // resolution),
+                                    seed=seed, smoothing=light_grid.SMOOTHING)
+            result[index] = light
             plan.decide("baked light", f"{' x '.join(map(str, light.values.shape[:3]))} voxels of scattered light, noise "
                         f"{light.noise:.0%} in a voxel, {light.error:.1%} in their mean, in {light.seconds:.1f} s", reason)
     return result

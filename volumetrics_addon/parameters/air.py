@@ -24,8 +24,8 @@ AIR = Group(
         Parameter("mie_albedo", "color", (0.9008, 0.9008, 0.9008), "Single-scattering albedo of the aerosol.",
                   minimum=0.0, maximum=1.0, live=True),
         having(G, 0.76, name="mie_g", title="Mie anisotropy g",
-               description="Mean cosine of the aerosol's Henyey-Greenstein phase function. EEVEE has one lobe and gets the "
-               "mean cosine of aerosol and molecules at each altitude."),
+               description="Mean cosine of the aerosol's Henyey-Greenstein phase function. EEVEE has one lobe and gets the mean "
+               "of aerosol and molecules."),
         Parameter("mie_scale_height", "float", 1200.0, "Altitude over which the aerosol's density falls to 1/e.",
                   unit="m", minimum=1.0, maximum=1e6, soft_minimum=100.0, soft_maximum=1e5, live=True),
         Parameter("planet_radius", "float", 6.36e6, "Radius of the planet's ground.",

@@ -18,10 +18,10 @@ from types import ModuleType
 from ..scene.model import Scene
 
 # Exact methods first: the first that applies is the reference; the path tracer renders nearly everything.
-REFERENCES = ("single_scattering", "dielectric", "path_tracing")
+REFERENCES = ("single_scattering", "dielectric", "sky_tables", "path_tracing")
 RIVALS = (
     "ray_marching", "quarter_resolution", "light_slices", "half_angle_slices", "froxels", "octaves", "adding_doubling",
-    "ambient_scattering", "ambient_occlusion", "emission_absorption", "sky_single_scattering", "sky_tables",
+    "ambient_scattering", "ambient_occlusion", "emission_absorption", "sky_single_scattering",
     "aerial_perspective", "preetham_sky",
 )
 NAMES = REFERENCES + RIVALS

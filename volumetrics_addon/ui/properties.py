@@ -15,7 +15,8 @@ from ..parameters.families import FAMILIES
 from ..parameters.model import Group, Parameter, decimal
 from ..parameters.stage import STAGE
 
-ICONS = {"cloud": "OUTLINER_OB_VOLUME", "glass": "MATSPHERE", "fog": "MOD_OCEAN", "godray": "LIGHT_SPOT"}
+ICONS = {"cloud": "OUTLINER_OB_VOLUME", "glass": "MATSPHERE", "fog": "MOD_OCEAN", "godray": "LIGHT_SPOT",
+         "air": "WORLD"}
 
 
 # Units that Blender shows by itself, in the units of the scene.
