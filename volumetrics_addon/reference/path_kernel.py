@@ -14,8 +14,8 @@ import numba
 import numpy as np
 
 from ..scene import noise
+from ..scene.compilation import forget_stale_kernels
 from ..scene.model import Camera, look_frame
-from .compilation import forget_stale_kernels
 from .path_scene import (
     ALBEDO, ALTITUDE, APEX, AXES, AXIS, BOX, CELLS, CENTER, COLOR, COS2, DARK, DENSITY, ELLIPSOID, EMISSION, ENVIRONMENT,
     EPSILON, FULL, HALF, HEIGHT, HOMOGENEOUS, LAYER, LENGTH, LIGHT, LIGHTS, LOW, MEAN, MIE, NOISE, PARAMETERS, PHASE,
@@ -28,7 +28,7 @@ TRACKING_THRESHOLD = 0.1  # transmittances below it are followed on with a chanc
 SPAN, ROW = 3, 6  # numbers of a path's workspace for each volume and each light
 CHUNKS = 64  # work items of a parallel loop; the pixels are dealt out to them in turn
 
-forget_stale_kernels()
+forget_stale_kernels(__file__)
 # Infinities mark what is not hit, so that fast-math may not assume them away.
 compiled = numba.njit(fastmath={"contract", "arcp", "nsz", "afn", "reassoc"}, error_model="numpy", cache=True)
 _noise, _, _noise_density = noise.implementation(compiled)

@@ -51,30 +51,22 @@ def margin(shape: NoiseShape, position: np.ndarray) -> np.ndarray:
 
 
 def fractal_noise(x, y, z, detail: float, roughness: float) -> np.ndarray:
-    """Normalised fractal Perlin noise in about [0, 1]; ``detail`` octaves are added to the first, a fractional one in part."""
-    return _evaluator()[0](x, y, z, detail, roughness)
+    """Normalised fractal Perlin noise in about [0, 1] at coordinates of one shape.
+
+    ``detail`` octaves are added to the first, a fractional one in part.
+    """
+    x, y, z = (np.asarray(a, float) for a in np.broadcast_arrays(x, y, z))
+    return _evaluator()[0](x.ravel(), y.ravel(), z.ravel(), float(detail), float(roughness)).reshape(x.shape)
 
 
 @lru_cache(maxsize=1)
 def _evaluator():
     """Noise, margin and density by the fastest implementation at hand: compiled (many times quicker), otherwise NumPy."""
     try:
-        import numba
+        from . import noise_kernel
     except ImportError:
         return numpy_evaluator()
-    noise, margin_at, density_at = implementation(numba.njit)
-    signature = "float64(float64, float64, float64, float64, float64)"
-
-    def over_points(function):
-        @numba.njit("float64[:](float64[:], float64[:, ::1])", parallel=True)
-        def evaluate(shape, position):
-            result = np.empty(len(position))
-            for i in numba.prange(len(position)):
-                result[i] = function(shape, 0, position[i, 0], position[i, 1], position[i, 2])
-            return result
-        return evaluate
-
-    return numba.vectorize([signature], target="parallel")(noise), over_points(margin_at), over_points(density_at)
+    return noise_kernel.noises, noise_kernel.margins, noise_kernel.densities
 
 
 @lru_cache(maxsize=1)

@@ -10,16 +10,18 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-_HERE = Path(__file__).resolve().parent
-SOURCES = tuple(_HERE / name for name in ("path_scene.py", "path_kernel.py", "quadrature_kernel.py", "../scene/noise.py",
-                                          "../scene/model.py"))
+_PACKAGE = Path(__file__).resolve().parent.parent
+SOURCES = tuple(_PACKAGE / name for name in (
+    "scene/model.py", "scene/noise.py", "scene/noise_kernel.py", "reference/path_scene.py", "reference/path_kernel.py",
+    "reference/quadrature_kernel.py", "reference/light_kernel.py"))
 
 
-def forget_stale_kernels(folder: Path = _HERE / "__pycache__") -> bool:
-    """Delete numba's files in ``folder`` when the sources have changed since; returns whether they had.
+def forget_stale_kernels(module: str) -> bool:
+    """Delete numba's files beside the source file ``module`` when the sources have changed since; returns whether they had.
 
     A folder that cannot be written to is left alone: numba then keeps its files elsewhere, by the time of the install.
     """
+    folder = Path(module).resolve().parent / "__pycache__"
     digest = hashlib.sha256(b"\0".join(source.read_bytes() for source in SOURCES)).hexdigest()
     stamp = folder / "kernels.sha256"
     try:
