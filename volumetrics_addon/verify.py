@@ -20,7 +20,7 @@ from .plan.model import CYCLES, EEVEE
 from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
-from .scene.model import Scene
+from .scene.model import Phase, Scene
 
 # Default tolerances of the mean relative error; EEVEE approximates, so its error is stated and by default not judged.
 TOLERANCE = {CYCLES: 0.005, EEVEE: None}
@@ -124,7 +124,8 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
         notes.append("EEVEE stores the medium in froxels of 11-bit floats and marches shadows through them")
         if scene.orders > 1:
             notes.append(f"EEVEE scatters once where the scene follows {scene.orders} orders")
-        if any(volume.medium.phase.weight > 0.0 for volume in scene.volumes):
+        phases = {volume.medium.phase for volume in scene.volumes}
+        if len(phases) > 1 or any(isinstance(phase, Phase) and phase.weight > 0.0 for phase in phases):
             notes.append("EEVEE has one HG lobe, here the mean cosine of two")
         if scene.surfaces:
             notes.append("EEVEE does not dim the light that reaches surfaces through the medium")
