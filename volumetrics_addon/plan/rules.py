@@ -15,7 +15,7 @@ from typing import Any
 from ..scene.body import Body
 from ..scene.channels import mixes
 from ..scene.model import (
-    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, NoiseShape, Scene, Shape, Sun, Vector, Volume,
+    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Homogeneous, NoiseShape, Scene, Shape, Sun, Vector, Volume,
 )
 from .model import CYCLES, Plan
 
@@ -130,18 +130,18 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
         result.decide("ray marching", f"steps of {min(filter(None, steps)):g} m",
                       "a heterogeneous medium reaches the same error sooner than by null-scattering")
     for body, step in zip(bodies, steps):
-        homogeneous = step == 0.0
+        homogeneous = isinstance(body.volumes[0].medium.density, Homogeneous)
         settings = {"homogeneous_volume": homogeneous, "volume_sampling": _sampling(scene), "volume_step_rate": 1.0}
         if homogeneous:
             result.decide("analytic path", "no density is sampled", "the medium is homogeneous")
-        elif marched:
+        elif step > 0.0:
             # Cycles steps by 0.1 x mean extent of the bounding box x rate.
             settings["volume_step_rate"] = max(1e-3, step / (0.1 * sum(extent(body.domain)) / 3.0))
         result.volume_settings.append(settings)
 
 
 def _step(volume: Volume) -> float:
-    """Length (m) of a step of ray marching; 0 for a homogeneous medium, which needs none."""
+    """Length (m) of a step of ray marching; 0 for a medium that needs none or gets none."""
     match volume.medium.density:
         case ExponentialHeight() as density:
             return MARCHING_STEP * density.scale_height
