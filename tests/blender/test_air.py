@@ -73,7 +73,7 @@ def test_the_ground_is_closed_and_faces_outwards():
             edges[a, b] = edges.get((a, b), 0) + 1
     assert set(edges.values()) == {1} and all((b, a) in edges for a, b in edges)
     # Around the mesh's own origin, on its surface: still the whole volume.
-    assert volume == pytest.approx(4 * math.pi / 3 * RADIUS**3, rel=0.015)
+    assert volume == pytest.approx(4 * math.pi / 3 * RADIUS**3, rel=5e-3)
 
 
 def test_an_eye_far_away_sees_an_ordinary_sphere():
@@ -158,12 +158,12 @@ def test_cycles_renders_the_same_picture_in_kilometres():
 
 @needs_eevee
 def test_eevee_renders_the_same_picture_in_another_unit():
-    """Measured -0.6 % between units twice apart; in metres EEVEE shows two thirds less than in its own unit."""
+    """Measured +0.9 % between units twice apart (one sample; -0.6 % with four); in metres EEVEE shows two thirds less than in its own unit."""
     scene = scaled(replace(by_name("sky-noon").make(), orders=1), 2.0**-16)
     bodies = describe_scene(scene)
     here = images(scene, bodies, "eevee", samples=1)
     there = images(scaled(scene, 0.5), [scaled_body(b, 0.5) for b in bodies], "eevee", samples=1)
-    assert there.mean() == pytest.approx(here.mean(), rel=5e-3)
+    assert there.mean() == pytest.approx(here.mean(), rel=0.015)
     assert np.sqrt(np.mean((here - there) ** 2)) < 0.05 * here.mean()
 
 
