@@ -136,7 +136,8 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
             notes.append("EEVEE stores the medium in froxels of 11-bit floats and marches shadows through them")
         if scene.orders > 1 and not all(baked):
             notes.append(f"EEVEE scatters once where the scene follows {scene.orders} orders")
-        one_lobe = all(isinstance(v.medium.phase, Phase) and v.medium.phase.weight == 0.0 for v in scene.volumes)
+        phases = {volume.medium.phase for volume in scene.volumes}
+        one_lobe = len(phases) == 1 and all(isinstance(phase, Phase) and phase.weight == 0.0 for phase in phases)
         if not one_lobe and not all(baked):
             notes.append("EEVEE has one HG lobe, here with the mean cosine of the phase function")
         if scene.surfaces:

@@ -354,7 +354,8 @@ def summary(result: dict) -> str:
 
 
 # One preset of each family for the first picture, with the samples of render and reference: under two minutes in all.
-TOUR = (("cumulus", 24, 9), ("emerald-sphere", 64, 16), ("morning-valley", 32, 4), ("theatre-slats", 48, 4))
+TOUR = (("cumulus", 24, 9), ("emerald-sphere", 64, 16), ("morning-valley", 32, 4), ("theatre-slats", 48, 4),
+        ("clear-noon", 8, 4))
 TOUR_REPEATS = 4
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from ..scene.body import Body
 from ..scene.channels import mixes
 from ..scene.model import (
-    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, NoiseShape, Scene, Shape, Sun, Vector, Volume,
+    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, NoiseShape, Scene, Shape, Sun, Vector, Volume,
 )
 from .model import CYCLES, Plan
 
@@ -33,9 +33,11 @@ THICKEST_STEP = 0.15
 # (97) 0.17 and 0.06 s; null-scattering needs a few seconds more before the first.
 NULL_SCATTERING_DEPTH = 60.0
 # Air is thin and smooth along a ray, and takes longer steps: scale heights, and optical depth at the ground. Measured on Blender
-# 5.2 in single scattering: noon -0.04 % +- 0.06 % and sunset -0.03 % +- 0.10 % in 11 s and 24 s at 3 scale heights, the same
-# within the noise in 23 s and 59 s at 1; null-scattering +0.41 % +- 0.06 % and -0.04 % +- 0.20 % in 150 s for half the samples.
-AIR_STEP, AIR_DEPTH = 3.0, 0.3
+# 5.2 in single scattering: noon -0.04 % +- 0.06 % and sunset -0.03 % +- 0.10 % in 11 s and 24 s at 3 scale heights of the
+# aerosol, the same within the noise in 23 s and 59 s at 1; null-scattering +0.41 % +- 0.06 % and -0.04 % +- 0.20 % in 150 s for
+# half the samples. The depth of a medium of vertical depth 0.1 comes out 0.1 % (grazing) to 1.4 % (steep) low with steps of 3 of
+# its scale heights, 0.01 % to 0.2 % with 1.
+AIR_STEP, AIR_DEPTH = 2.0, 0.1
 LIGHT_LAYERS, MOST_LIGHT = 8, 128  # voxels of baked light across a domain's shortest side, and along its longest at most
 GLASS_BOUNCES = 64  # interfaces followed through refracting solids
 EEVEE_DEFAULT_THRESHOLD = 0.01
@@ -155,7 +157,7 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
         result.decide("ray marching", f"steps of {min(filter(None, steps)):g} m",
                       "a heterogeneous medium reaches the same error sooner than by null-scattering")
     for body, step in zip(bodies, steps):
-        homogeneous = step == 0.0
+        homogeneous = isinstance(body.volumes[0].medium.density, Homogeneous)
         settings = {"homogeneous_volume": homogeneous, "volume_sampling": _sampling(scene), "volume_step_rate": 1.0}
         density = body.volumes[0].medium.density
         if isinstance(density, Grid):
@@ -163,13 +165,13 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
                           "a baked density reaches the same error sooner than its nodes")
         if homogeneous:
             result.decide("analytic path", "no density is sampled", "the medium is homogeneous")
-        elif marched:
+        elif step > 0.0:
             settings["volume_step_rate"] = max(1e-3, step / _engine_step(body))
         result.volume_settings.append(settings)
 
 
 def _step(volume: Volume) -> float:
-    """Length (m) of a step of ray marching; 0 for a homogeneous medium, which needs none."""
+    """Length (m) of a step of ray marching; 0 for a medium that needs none or gets none."""
     match volume.medium.density:
         case ExponentialHeight() as density:
             return MARCHING_STEP * density.scale_height
@@ -264,7 +266,7 @@ def eevee_unit(scene: Scene) -> float:
 
     The strongest coefficient is then 1 to 10 per unit, unless the scene is so small that it would measure less than a unit.
     """
-    coefficients = [c for volume in scene.volumes for c in (*volume.medium.sigma_s, *volume.medium.sigma_a) if c > 0.0]
+    coefficients = [sigma for volume in scene.volumes for sigma in volume.medium.sigma_t if sigma > 0.0]
     if not coefficients or min(coefficients) >= EEVEE_COEFFICIENT:
         return 1.0
     size = max(2.0 * reach(scene, scene.camera.position), 1e-300)
