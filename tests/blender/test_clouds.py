@@ -10,6 +10,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from volumetrics_addon import verify  # noqa: E402
+from volumetrics_addon.bench.scenes import planet_scene  # noqa: E402
 from volumetrics_addon.blender import render  # noqa: E402
 from volumetrics_addon.compare.statistics import Estimate, compare  # noqa: E402
 from volumetrics_addon.parameters.preset import load  # noqa: E402
@@ -86,6 +87,21 @@ def test_more_coverage_dims_what_lies_below():
         scene = verify.scene_of(chosen)
         ground.append(render.render_scene(scene, describe_scene(scene), "layer", "cycles", 12, 12, 64).images.mean())
     assert ground[0] > 1.1 * ground[1] > 1.2 * ground[2] > 0.0
+
+
+def test_air_dims_and_veils_a_distant_cloud():
+    """Aerial perspective: a cloud of some kilometres, thirty away, overlaps with the air of a planet."""
+    thick = units.scaled(cumulus(), 10.0)
+    cloud = shifted(thick.volumes[0], (0.0, 40e3, -2000.0))
+    camera = Camera((0.0, 0.0, 500.0), normalized((0.0, 40e3, 900.0)), math.radians(9.0))
+    world = planet_scene(camera, math.radians(35.0), 8)
+    both = replace(world, volumes=(cloud, *world.volumes))
+    veiled = assert_cycles_equals_path_tracing(both, 12, 48)
+    clear = path_tracing.render(replace(both, volumes=(cloud,)), 12, 12, repeats=1, strata=4, samples=192, seed=3).image
+    sky = path_tracing.render(world, 12, 12, repeats=1, strata=4, samples=64, seed=3).image
+    body = clear.mean(axis=2) > 0.3 * clear.max()
+    contrast = (veiled - sky)[body].mean(axis=0) / clear[body].mean(axis=0)
+    assert 0.02 < contrast[2] < contrast[1] < contrast[0] < 0.95  # blue is lost before red
 
 
 def test_a_silver_lining():
