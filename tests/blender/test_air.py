@@ -158,13 +158,14 @@ def test_cycles_renders_the_same_picture_in_kilometres():
 
 @needs_eevee
 def test_eevee_renders_the_same_picture_in_another_unit():
-    """Measured +0.9 % between units twice apart (one sample; -0.6 % with four); in metres EEVEE shows two thirds less than in its own unit."""
+    """Exactly the same in units twice apart, but for a pixel of the ground here and there: the shadow of a planet's mesh is biased
+    by lengths of EEVEE's own. In metres EEVEE shows two thirds less than in its own unit."""
     scene = scaled(replace(by_name("sky-noon").make(), orders=1), 2.0**-16)
     bodies = describe_scene(scene)
     here = images(scene, bodies, "eevee", samples=1)
     there = images(scaled(scene, 0.5), [scaled_body(b, 0.5) for b in bodies], "eevee", samples=1)
-    assert there.mean() == pytest.approx(here.mean(), rel=0.015)
-    assert np.sqrt(np.mean((here - there) ** 2)) < 0.05 * here.mean()
+    same = np.isclose(here, there, rtol=1e-3).all(axis=-1)
+    assert same.mean() >= 0.98 and here.min() > 0.0  # measured: 143 of 144 pixels
 
 
 def test_only_thin_media_change_the_unit():

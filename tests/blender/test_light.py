@@ -112,10 +112,10 @@ def test_light_is_looked_up_where_it_belongs():
 
 @NEEDS_EEVEE
 def test_baked_light_is_nearer_to_the_truth():
-    """Measured 64 pixels wide: mean error -0.3 % instead of -30 %, relative RMSE 7 % instead of 57 %."""
+    """Measured: relative RMSE 9 % at 64 pixels, 13 % at 48, 15 % at 32, where froxels of two pixels are coarser than the rim."""
     chosen = load("cumulus")
-    baked = verify.verify(chosen, "eevee", 32, 8, reference_samples=36)
-    plain = verify.verify(chosen.changed({"eevee_light": "scatter"}), "eevee", 32, 8, reference=baked.reference)
+    baked = verify.verify(chosen, "eevee", 48, 8, reference_samples=36)
+    plain = verify.verify(chosen.changed({"eevee_light": "scatter"}), "eevee", 48, 8, reference=baked.reference)
     assert abs(baked.comparison.mean_relative_error) < 0.05
     assert abs(baked.comparison.mean_relative_error) < 0.5 * abs(plain.comparison.mean_relative_error)
     assert baked.comparison.rmse_denoised < 0.5 * plain.comparison.rmse_denoised
