@@ -2,7 +2,8 @@
 """Lights, environment and camera of a user's own scene, read into the Scene's terms.
 
 What the Scene has no word for is named in the warnings and left out: area lights, worlds that are not one colour. Nodes of
-lights are not read, as EEVEE does not. A sun's angle and the radius of a lamp count as 0: their penumbrae are finer than the voxels of baked light.
+lights are not read, as EEVEE does not. A sun's angle and the radius of a lamp count as 0: their penumbrae are finer than the
+voxels of baked light.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ def lights(scene: bpy.types.Scene) -> tuple[tuple[Light, ...], list[str]]:
             continue
         data = candidate.data
         if data.type not in ("SUN", "POINT", "SPOT"):
-            warnings.append(f"{candidate.name} is left out: {data.type.lower()} lights are not baked; use a sun, point or spot")
+            warnings.append(f"{candidate.name} is left out: {data.type.lower()} lights are not baked; "
+                            "use a sun, point or spot")
             continue
         factor = data.energy * 2.0 ** data.exposure
         color = tuple(c * t for c, t in zip(data.color, data.temperature_color)) if data.use_temperature else tuple(data.color)
