@@ -18,7 +18,7 @@ HEADLESS = {"bench/chart.py": {"matplotlib"}}  # inside functions only, and neve
 BLENDER_ROOMS = ("blender/", "ui/")
 BLENDER_IN_FUNCTIONS = ("cli/", "verify.py")
 # What the panel, the command line and a test without Blender load.
-STANDARD_ONLY = ("__init__.py", "parameters/", "plan/", "cli/", "scene/__init__.py", "scene/model.py", "scene/assemble.py",
+STANDARD_ONLY = ("__init__.py", "parameters/", "plan/", "cli/", "scene/__init__.py", "scene/model.py", "scene/assemble.py", "scene/families/",
                  "scene/describe.py")
 
 

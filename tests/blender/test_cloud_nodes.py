@@ -9,7 +9,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from volumetrics_addon.blender import build, compat, groups, objects, render  # noqa: E402
+from volumetrics_addon.blender import build, compat, objects, render  # noqa: E402
+from volumetrics_addon.blender.families import cloud  # noqa: E402
 from volumetrics_addon.blender.compat import use_nodes  # noqa: E402
 from volumetrics_addon.blender.nodes import Tree, add_input, socket_of, socket_value  # noqa: E402
 from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
@@ -30,7 +31,7 @@ def slice_by_cycles(values, half):
     entry = inner.node("NodeGroupInput")
     inputs = {parameter.name: entry.outputs[index] for index, parameter in enumerate(CLOUD.live)}
     tree.interface.new_socket("Density", in_out="OUTPUT", socket_type="NodeSocketFloat")
-    inner.feed(inner.node("NodeGroupOutput").inputs[0], groups._noise_density(inner, inputs, values, Box((0, 0, 0), half)))
+    inner.feed(inner.node("NodeGroupOutput").inputs[0], cloud.noise_density(inner, inputs, values, Box((0, 0, 0), half)))
     material = bpy.data.materials.new("density")
     outer = Tree(use_nodes(material))
     node = outer.node("ShaderNodeGroup", node_tree=tree)
@@ -61,7 +62,7 @@ def test_nodes_equal_the_field(profile, tmp_path):
         built.render.filepath = str(tmp_path / "cut.exr")
         bpy.ops.render.render(write_still=True, scene=built.name)
         image = render.read_image(tmp_path / "cut.exr")[..., 0]
-    shape = replace(assemble.cloud(values).volumes[0].medium.density, cell_hash=compat.current().cell_hash)
+    shape = replace(assemble.ASSEMBLERS["cloud"](values).volumes[0].medium.density, cell_hash=compat.current().cell_hash)
     step = (np.arange(SIZE) + 0.5) / SIZE * 2.0 - 1.0
     x, z = np.meshgrid(half[0] * step, -half[2] * step)
     expected = noise.density(shape, np.stack([x, 0 * x, z], axis=-1).reshape(-1, 3)).reshape(SIZE, SIZE)
@@ -75,7 +76,7 @@ def test_eevee_gets_the_mean_cosine_of_the_droplets():
     from volumetrics_addon.physics.phase import mean_cosine_mie_fit
 
     diameter = np.geomspace(5.0, 50.0, 50)
-    np.testing.assert_allclose(np.polyval(groups.MIE_MEAN_COSINE, np.log(diameter)), mean_cosine_mie_fit(diameter), atol=2e-4)
+    np.testing.assert_allclose(np.polyval(cloud.MIE_MEAN_COSINE, np.log(diameter)), mean_cosine_mie_fit(diameter), atol=2e-4)
 
 
 def test_droplets_scatter_as_the_reference_says():

@@ -10,7 +10,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from volumetrics_addon import verify  # noqa: E402
-from volumetrics_addon.blender import build, groups, light, render  # noqa: E402
+from volumetrics_addon.blender import build, fields, groups, light, render  # noqa: E402
 from volumetrics_addon.cli.doctor import checks  # noqa: E402
 from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
 from volumetrics_addon.parameters.preset import load  # noqa: E402
@@ -46,7 +46,7 @@ def test_nothing_is_left_of_the_scattering_that_baked_light_replaces():
     baked = LightGrid(np.ones((2, 2, 2, 3)), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.0, 0.0, 0.0, "")
     with build.temporary():
         tree = groups.group(FAMILIES["cloud"], chosen.parameters, volume.domain, "cloud",
-                            groups.fields_of(volume, light.picture(baked, (0.0, 0.0, 0.0), "light")))
+                            fields.fields_of(volume, light.picture(baked, (0.0, 0.0, 0.0), "light")))
         leave = next(n for n in tree.nodes if n.bl_idname == "NodeGroupOutput")
         seen, queue = set(), [next(s for s in leave.inputs if s.name.startswith("EEVEE"))]
         while queue:

@@ -13,7 +13,7 @@ from volumetrics_addon.scene.model import Box, Cone, Ellipsoid, ExponentialHeigh
 
 def test_glass_reaches_its_colour_at_its_distance():
     values = FAMILIES["glass"].check({"color": [0.2, 0.5, 1.0], "distance": 0.3})
-    medium = assemble.glass(values).volumes[0].medium
+    medium = assemble.ASSEMBLERS["glass"](values).volumes[0].medium
     for sigma, color in zip(medium.sigma_a, (0.2, 0.5, 1.0)):
         assert math.exp(-sigma * 0.3) == pytest.approx(color, rel=1e-12)
     assert not medium.scatters
@@ -21,17 +21,17 @@ def test_glass_reaches_its_colour_at_its_distance():
 
 def test_cloud_coefficients_and_lobes():
     values = FAMILIES["cloud"].check({"extinction": 0.5, "albedo": [1.0, 0.8, 0.5], "g": 0.8, "g_back": -0.4, "lobe_weight": 0.25})
-    medium = assemble.cloud(values).volumes[0].medium
+    medium = assemble.ASSEMBLERS["cloud"](values).volumes[0].medium
     assert medium.sigma_s == pytest.approx((0.5, 0.4, 0.25))
     assert medium.sigma_a == pytest.approx((0.0, 0.1, 0.25))
     assert medium.phase.mean_cosine == pytest.approx(0.75 * 0.8 - 0.25 * 0.4)
-    single = assemble.cloud({**values, "phase": "hg"}).volumes[0].medium.phase
+    single = assemble.ASSEMBLERS["cloud"]({**values, "phase": "hg"}).volumes[0].medium.phase
     assert single.weight == 0.0 and single.mean_cosine == pytest.approx(0.8)
 
 
 def test_fog_box_covers_the_scene_and_ends_at_the_cutoff():
     values = FAMILIES["fog"].check({"scale_height": 2.0, "base_height": 1.0, "cutoff": math.exp(-5.0), "margin": 3.0})
-    volume = assemble.fog(values, assemble.Bounds([(0.0, 0.0, 0.0), (10.0, 4.0, 2.0)])).volumes[0]
+    volume = assemble.ASSEMBLERS["fog"](values, assemble.Bounds([(0.0, 0.0, 0.0), (10.0, 4.0, 2.0)])).volumes[0]
     assert isinstance(volume.domain, Box)
     low = [c - h for c, h in zip(volume.domain.center, volume.domain.half)]
     high = [c + h for c, h in zip(volume.domain.center, volume.domain.half)]
@@ -44,13 +44,13 @@ def test_fog_without_anything_to_fit_to_says_so():
     with pytest.raises(ValueError, match="nothing to fit.*add a camera"):
         assemble.Bounds([])
     with pytest.raises(ValueError, match="bounds"):
-        assemble.fog(FAMILIES["fog"].defaults(), None)
+        assemble.ASSEMBLERS["fog"](FAMILIES["fog"].defaults(), None)
 
 
 @pytest.mark.parametrize("blocker, count", [("none", 0), ("slats", 5), ("window", 10)])
 def test_godray_blockers_cut_the_beam(blocker, count):
     values = FAMILIES["godray"].check({"blocker": blocker, "blocker_count": 5, "blocker_distance": 1.5})
-    item = assemble.godray(values)
+    item = assemble.ASSEMBLERS["godray"](values)
     assert len(item.surfaces) == count
     spot = item.lights[0]
     assert isinstance(spot, Spot) and isinstance(item.volumes[0].domain, Cone)
@@ -62,7 +62,7 @@ def test_godray_blockers_cut_the_beam(blocker, count):
 def test_light_at_its_own_target_is_refused():
     values = FAMILIES["godray"].check({"location": [1.0, 1.0, 1.0], "target": [1.0, 1.0, 1.0]})
     with pytest.raises(ValueError, match="no direction"):
-        assemble.godray(values)
+        assemble.ASSEMBLERS["godray"](values)
 
 
 def test_sun_direction():

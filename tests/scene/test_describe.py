@@ -55,10 +55,10 @@ def test_droplets_and_billows_come_back():
     values = FAMILIES["cloud"].check({"phase": "mie", "droplet_diameter": 7.5, "profile": "anvil", "billow_octaves": 4,
                                       "billow_size": 3.0, "billow_strength": 0.7, "billow_roughness": 0.4, "base": 0.1,
                                       "stretch": 2.0, "wind": (1.0, 2.0, 3.0), "time": 5.0, "evolution": 0.25})
-    volume, = assemble.cloud(values).volumes
+    volume, = assemble.ASSEMBLERS["cloud"](values).volumes
     assert volume.medium.phase == MiePhase(7.5) and volume.medium.density.drift == (5.0, 10.0, 15.0)
     family, described = describe(volume)
-    again, = assemble.cloud(described | {key: values[key] for key in ("location", "size", "domain")}).volumes
+    again, = assemble.ASSEMBLERS["cloud"](described | {key: values[key] for key in ("location", "size", "domain")}).volumes
     assert family == "cloud" and again == volume
 
 
@@ -97,7 +97,7 @@ def test_the_benchmark_skies_are_air(name):
     air, = describe_scene(scene)
     assert air.family.name == "air" and air.volumes == scene.volumes
     assert air.family.check(air.values) == air.values
-    again = assemble.air(air.values)
+    again = assemble.ASSEMBLERS["air"](air.values)
     for mine, other in zip(again.volumes, scene.volumes, strict=True):
         assert close(mine.medium.sigma_s, other.medium.sigma_s) and close(mine.medium.sigma_a, other.medium.sigma_a)
         assert replace(mine.medium, sigma_s=(), sigma_a=()) == replace(other.medium, sigma_s=(), sigma_a=())

@@ -15,7 +15,7 @@ from ..reference.light_grid import LightGrid
 from ..scene import units
 from ..scene.body import Body
 from ..scene.model import Box, Cone, Ellipsoid, Grid, Light, Scene, Shape, Sun
-from . import compat, grid, groups, light, objects, settings
+from . import compat, fields, grid, groups, light, objects, settings
 from .nodes import Tree, socket_of
 
 _COLLECTIONS = ("objects", "meshes", "lights", "cameras", "materials", "node_groups", "worlds", "scenes", "collections", "images")
@@ -36,7 +36,7 @@ def add_body(body: Body, name: str, collection: bpy.types.Collection, baked: Lig
     """The object that holds the body's media, with the material of its family; in EEVEE it shines with ``baked`` light."""
     first = body.volumes[0]
     glow = light.picture(baked, body.domain.center, f"{name} light") if baked else None
-    material = groups.material(body.family, body.values, body.domain, name, groups.fields_of(first, glow))
+    material = groups.material(body.family, body.values, body.domain, name, fields.fields_of(first, glow))
     if isinstance(first.medium.density, Grid):
         result = grid.body(first, name, material, collection)
     else:

@@ -24,7 +24,7 @@ from ..reference import light_grid
 from ..scene import assemble
 from ..scene.bake import voxelized
 from ..scene.model import Camera, Scene, Sun, Volume, add
-from . import build, compat, extract, grid, groups, light, objects, settings
+from . import build, compat, extract, fields, grid, groups, light, objects, settings
 
 KEY = "volumetrics"
 TAG = "volumetrics_item"
@@ -121,7 +121,7 @@ def bake_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
     described = Scene(Camera((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 1.0), volumes=(volume,), orders=mine["orders"])
     cycles = plan(described, [medium], CYCLES, 1, has_null_scattering=compat.current().volume_biased)
     build.set_volume_material(material, *cycles.volume_settings)
-    node.node_tree = groups.group(medium.family, values, volume.domain, mine["label"], groups.fields_of(volume))
+    node.node_tree = groups.group(medium.family, values, volume.domain, mine["label"], fields.fields_of(volume))
     body = grid.body(volume, old.name, material, item)
     body.matrix_world = moved @ objects.placement(volume.domain)
     body.display_type, body.display_bounds_type = "BOUNDS", "BOX"
@@ -232,7 +232,7 @@ def bake_light(scene: bpy.types.Scene, item: bpy.types.Collection, *, samples: i
     baked = light_grid.bake(lit, 0, light_resolution(volume, values), samples=samples, smoothing=light_grid.SMOOTHING)
     before, old = set(bpy.data.images), node.node_tree
     picture = light.picture(baked, volume.domain.center, f"{mine['label']} light")
-    node.node_tree = groups.group(FAMILIES[mine["family"]], values, volume.domain, old.name, groups.fields_of(volume, picture))
+    node.node_tree = groups.group(FAMILIES[mine["family"]], values, volume.domain, old.name, fields.fields_of(volume, picture))
     for block in (node.node_tree, *(set(bpy.data.images) - before)):
         block[TAG] = mine["id"]
     _free(mine["id"])

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..parameters.families import FAMILIES
-from .assemble import PER_KILOMETRE, body
+from .assemble import body
 from .body import Body
+from .families.air import PER_KILOMETRE
 from .model import (
     Box, Camera, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase,
     RayleighPhase, Scene, Volume,
