@@ -27,6 +27,7 @@ from .scene.model import Phase, Scene
 # Default tolerances of the mean relative error; EEVEE approximates, so its error is stated and by default not judged.
 TOLERANCE = {CYCLES: 0.005, EEVEE: None}
 REPEATS = 8
+MANY_PATHS = 1e9  # of the camera: what is done once no longer counts
 REFERENCE_SAMPLES = 16
 
 
@@ -77,12 +78,12 @@ class Verification:
         }
 
 
-def scene_of(preset: Preset) -> Scene:
-    """The preset's Scene as a picture of it is rendered: noise baked into voxels, or as this Blender evaluates it."""
+def scene_of(preset: Preset, engine: str = CYCLES, paths: float = MANY_PATHS) -> Scene:
+    """The preset's Scene as the engine shows it in a picture of so many camera paths: noise in voxels, or as Blender evaluates it."""
     scene = assemble.scene(preset.family, preset.parameters, preset.stage, preset.props)
-    baked = is_baked(preset.parameters, interactive=False)
     return replace(scene, volumes=tuple(
-        voxelized(volume, preset.parameters["resolution"]) if baked else compat.as_evaluated(volume) for volume in scene.volumes))
+        voxelized(volume, preset.parameters["resolution"]) if is_baked(preset.parameters, volume, engine, paths)
+        else compat.as_evaluated(volume) for volume in scene.volumes))
 
 
 def image_size(preset: Preset, size: int) -> tuple[int, int]:
@@ -100,17 +101,18 @@ def reference_of(scene: Scene, width: int, height: int, *, repeats: int = 8, sam
 
 
 def verify(preset: Preset, engine: str, size: int, samples: int, *, repeats: int = REPEATS, seed: int = 0,
-           reference_samples: int = REFERENCE_SAMPLES,
+           reference_samples: int = REFERENCE_SAMPLES, reference_repeats: int = REPEATS,
            reference: Result | None = None, confidence: float = 0.95, quiet: bool = True,
            progress: Callable[[str, float], None] | None = None) -> Verification:
     """Render the preset, compare it with its reference and state the error."""
     report = progress or (lambda stage, share: None)
-    scene = scene_of(preset)
     width, height = image_size(preset, size)
+    scene = scene_of(preset, engine, width * height * samples * repeats)
     rendered = render.render(preset, scene, engine, width, height, samples, repeats=repeats, seed=seed, quiet=quiet,
                              progress=lambda share: report(engine, share))
     if reference is None:
-        reference = reference_of(scene, width, height, samples=reference_samples, progress=lambda share: report("reference", share))
+        reference = reference_of(scene, width, height, repeats=reference_repeats, samples=reference_samples,
+                                 progress=lambda share: report("reference", share))
     count = len(rendered.images)
     measured = Estimate.from_repeats(rendered.images, samples) if count > 1 else Estimate.exact(rendered.images[0])
     comparison = compare(measured, Estimate.from_repeats(reference.repeats, independent_pixels=True),

@@ -78,7 +78,7 @@ def effective(item: bpy.types.Collection) -> list[str]:
     mine = record(item)
     family = FAMILIES[mine["family"]]
     values = family.defaults() | mine.get("values", {})
-    if is_baked(values, interactive=True):
+    if is_baked(values):
         values["density"] = "baked"
     return [parameter.name for parameter in family.live if family.applies(parameter.name, values)]
 
@@ -88,7 +88,7 @@ def _volume(item: bpy.types.Collection) -> tuple[dict[str, Any], Volume]:
     values = values_of(item)
     volume, = assemble.ASSEMBLERS[record(item)["family"]](values, None).volumes
     volume = compat.as_evaluated(volume)
-    return values, voxelized(volume, values["resolution"]) if is_baked(values, interactive=True) else volume
+    return values, voxelized(volume, values["resolution"]) if is_baked(values) else volume
 
 
 def _domain(item: bpy.types.Collection) -> bpy.types.Object:
@@ -100,7 +100,7 @@ def _domain(item: bpy.types.Collection) -> bpy.types.Object:
 
 def can_bake(item: bpy.types.Collection) -> bool:
     values = values_of(item)
-    return values.get("density") == "noise" and not is_baked(values, interactive=True)
+    return values.get("density") == "noise" and not is_baked(values)
 
 
 def bake_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
@@ -164,7 +164,7 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
             values[name] = add(values[name], offset)
     bounds = scene_bounds(scene) if family == "fog" else None
     item = assemble.ASSEMBLERS[family](values, bounds)
-    if is_baked(values, interactive=True):
+    if is_baked(values):
         item.volumes = tuple(voxelized(compat.as_evaluated(volume), values["resolution"]) for volume in item.volumes)
     # The camera is not known here; a planet's ground is seen from about where it passes through the origin.
     eye = (0.0, 0.0, values.get("base_height", 0.0))

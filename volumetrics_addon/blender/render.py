@@ -20,10 +20,11 @@ import numpy as np
 
 from ..parameters.preset import Preset
 from ..plan.model import CYCLES, Plan
-from ..plan.rules import bakes_light, light_resolution
+from ..plan.rules import bakes_light, explain_representation, light_resolution
 from ..plan.rules import plan as make_plan
 from ..reference import light_grid
 from ..reference.light_grid import LightGrid
+from ..scene import assemble
 from ..scene.assemble import body
 from ..scene.body import Body
 from ..scene.channels import CHANNELS, channel, channel_body
@@ -157,8 +158,12 @@ def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, s
 
     Raises RenderError when the engine writes no image.
     """
-    return render_scene(scene, [body(preset.family, preset.parameters, scene.volumes)], preset.label, engine, width, height,
-                        samples, seed=seed, repeats=repeats, quiet=quiet, progress=progress)
+    rendered = render_scene(scene, [body(preset.family, preset.parameters, scene.volumes)], preset.label, engine, width, height,
+                            samples, seed=seed, repeats=repeats, quiet=quiet, progress=progress)
+    if engine == CYCLES and preset.parameters.get("representation") == "automatic":
+        shaped = assemble.scene(preset.family, preset.parameters, preset.stage, preset.props)
+        explain_representation(shaped.volumes, preset.parameters, width * height * samples * repeats, rendered.plan)
+    return rendered
 
 
 def _baked_light(scene: Scene, bodies: Sequence[Body], plan: Plan, seed: int) -> dict[int, LightGrid]:

@@ -287,7 +287,8 @@ def _render(arguments: argparse.Namespace, progress: Progress) -> int:
     _make_folder(out.parent)
     width, height = verify.image_size(preset, arguments.size or 512)
     samples = arguments.samples or SAMPLES[arguments.engine]
-    rendered = render.render(preset, verify.scene_of(preset), arguments.engine, width, height, samples, seed=arguments.seed,
+    scene = verify.scene_of(preset, arguments.engine, width * height * samples)
+    rendered = render.render(preset, scene, arguments.engine, width, height, samples, seed=arguments.seed,
                              quiet=not arguments.engine_output, progress=lambda share: progress(arguments.engine, share))
     render.write_exr(out.absolute(), rendered.images[0])
     shown = out.with_suffix(".png")
@@ -370,11 +371,8 @@ def _tour(arguments: argparse.Namespace, progress: Progress) -> int:
     for name, samples, reference_samples in TOUR:
         preset = load(name)
         report = lambda what, share, name=name: progress(f"{name}: {what}", share)  # noqa: E731
-        reference = verify.reference_of(verify.scene_of(preset), *verify.image_size(preset, arguments.size),
-                                        repeats=TOUR_REPEATS, samples=reference_samples,
-                                        progress=lambda share: report("reference", share))
-        result = verify.verify(preset, CYCLES, arguments.size, samples, repeats=TOUR_REPEATS, reference=reference,
-                               progress=report)
+        result = verify.verify(preset, CYCLES, arguments.size, samples, repeats=TOUR_REPEATS, reference_samples=reference_samples,
+                               reference_repeats=TOUR_REPEATS, progress=report)
         progress.clear()
         figures = result.to_json()
         results.append(figures)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -28,6 +29,8 @@ VOXELS_PER_FEATURE = 2.0  # a grid of voxels changes by much over so many of the
 # Optical depth of a step through voxels, at most: Blender 5 marches them with a transmittance too high by about 1.7 % of
 # this (0.6 % at 0.36, 0.08 % at 0.045); 4.5 by less than 1e-5.
 THICKEST_STEP = 0.15
+# Optical depth of a step through noise, at most: cirrus came out -0.6 % +- 0.2 % with steps of 1.25.
+NOISE_DEPTH = 0.5
 # Voxels are marched however thick they are: by null-scattering a sample of the storm takes a tenth of the time, but pictures of
 # thick clouds come out too bright in Blender 5.2: congestus +1.1 % [+0.3 %, +1.8 %], stratocumulus +2.8 % [+1.6 %, +4.0 %].
 # Air is thin and smooth along a ray, and takes longer steps: scale heights, and optical depth at the ground. Measured on Blender
@@ -36,6 +39,12 @@ THICKEST_STEP = 0.15
 # half the samples. The depth of a medium of vertical depth 0.1 comes out 0.1 % (grazing) to 1.4 % (steep) low with steps of 3 of
 # its scale heights, 0.01 % to 0.2 % with 1.
 AIR_STEP, AIR_DEPTH = 2.0, 0.1
+# Seconds of one core for a lookup of voxels in a step, the same for noise in lookups, and seconds to bake a voxel: Perlin noise
+# as a whole and each octave of cells. Scattering events of a path: the optical depth across the domain, of which noise fills
+# a quarter, and at most so many beyond the first.
+LOOKUP, PERLIN_LOOKUPS, BILLOW_LOOKUPS = 5e-8, 3.5, 4.0
+BAKED_VOXEL, BAKED_BILLOW = 4.5e-7, 2e-7
+FILLED, MOST_EVENTS = 0.25, 7.0
 LIGHT_LAYERS, MOST_LIGHT = 8, 128  # voxels of baked light across a domain's shortest side, and along its longest at most
 GLASS_BOUNCES = 64  # interfaces followed through refracting solids
 EEVEE_DEFAULT_THRESHOLD = 0.01
@@ -64,15 +73,62 @@ def reach(scene: Scene, position: Vector) -> float:
     return farthest
 
 
-def is_baked(values: Mapping[str, Any], *, interactive: bool) -> bool:
-    """Whether a family's density becomes voxels, from its ``representation``; ``interactive``: in a user's own scene.
+@dataclass(frozen=True)
+class Cost:
+    """Estimated processor time (s) of a representation: once for a scene, and for each camera path."""
 
-    Left to the plan, a picture is rendered from voxels, which reach the same error sooner (cumulus in Blender 5.2, 32 pixels
-    wide, equal noise: 3.3 s instead of 28.1 s; scripts/bench_clouds.py), and a scene of the user's own keeps nodes, which stay live.
+    once: float
+    path: float
+
+    def of(self, paths: float) -> float:
+        return self.once + paths * self.path
+
+
+def representation_costs(volume: Volume, resolution: int) -> dict[str, Cost]:
+    """What Cycles takes to render a volume of noise as ``nodes`` and as ``voxels``, of these along its longest side.
+
+    A path's steps are its length through the domain over the length of a step, times the scattering events, whose number
+    follows the optical depth; a step costs a lookup of voxels, or the noise at its octaves. Times were measured on two cores
+    (Blender 5.2, ten presets): the ratio of both representations, which is what decides, holds within a factor of 2.1, for one
+    of them 2.6 (``scripts/bench_clouds.py`` has rows of both).
+    """
+    noise, size = volume.medium.density, extent(volume.domain)
+    mean, longest = sum(size) / 3.0, max(size)
+    billows = noise.billow_octaves if noise.billow_strength != 0.0 else 0
+    thickest = max(volume.medium.sigma_t)
+    events = 1.0 + min(FILLED * min(size) * thickest, MOST_EVENTS)
+    voxel = longest / resolution
+    voxel_step = min(MARCHING_STEP * VOXELS_PER_FEATURE * voxel, THICKEST_STEP / max(thickest, 1e-300))
+    count = math.prod(math.ceil(side / voxel) for side in size)
+    lookup, evaluation = LOOKUP, LOOKUP * (PERLIN_LOOKUPS + BILLOW_LOOKUPS * billows)
+    return {"nodes": Cost(0.0, evaluation * events * mean / _step(volume)),
+            "voxels": Cost(count * (BAKED_VOXEL + BAKED_BILLOW * billows), lookup * events * mean / voxel_step)}
+
+
+def is_baked(values: Mapping[str, Any], volume: Volume | None = None, engine: str = CYCLES, paths: float = 0.0) -> bool:
+    """Whether a family's density becomes voxels, from its ``representation``.
+
+    Left to the plan, Cycles renders a picture of so many camera paths from what takes less time, and EEVEE has voxels. A scene
+    of the user's own keeps nodes, which stay live: it has no ``volume`` here.
     """
     if values.get("density") != "noise":
         return False
-    return values["representation"] == "baked" or (values["representation"] == "automatic" and not interactive)
+    if values["representation"] == "automatic" and volume is not None and isinstance(volume.medium.density, NoiseShape):
+        if engine != CYCLES:
+            return True
+        costs = representation_costs(volume, values["resolution"])
+        return costs["voxels"].of(paths) < costs["nodes"].of(paths)
+    return values["representation"] == "baked"
+
+
+def explain_representation(volumes: Sequence[Volume], values: Mapping[str, Any], paths: float, result: Plan) -> None:
+    """Add to the plan how the volumes of noise are represented, and the estimates behind the choice."""
+    for volume in volumes:
+        if isinstance(volume.medium.density, NoiseShape):
+            seconds = {name: cost.of(paths) for name, cost in representation_costs(volume, values["resolution"]).items()}
+            chosen, other = sorted(seconds, key=seconds.get)
+            result.decide("representation", chosen, f"an estimated {seconds[chosen]:.2g} s of one core, baking included, instead "
+                          f"of {seconds[other]:.2g} s with {other}")
 
 
 def light_threshold(scene: Scene) -> float:
@@ -107,7 +163,8 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
     glass = GLASS_BOUNCES if scene.is_dielectric else 0
     if scene.engine_orders < scene.orders:
         result.decide("octaves", f"{scene.engine_orders} scattering events instead of {scene.orders}",
-                      "the media's octaves stand for the orders beyond; scripts/bench_clouds.py measures their bias")
+                      "the media's octaves stand for the orders beyond: measured bias up to 2 % where clouds are thin or small, "
+                      "-11 % to -17 % where their optical depth is above 10")
     result.decide("bounces", f"volume and diffuse bounces {bounces}, glass bounces {glass}",
                   f"the scene follows {scene.engine_orders} order(s) of scattering")
     result.settings.update({
@@ -155,8 +212,7 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
         settings = {"homogeneous_volume": homogeneous, "volume_sampling": _sampling(scene), "volume_step_rate": 1.0}
         density = body.volumes[0].medium.density
         if isinstance(density, Grid):
-            result.decide("voxels", " x ".join(map(str, density.values.shape)),
-                          "a baked density reaches the same error sooner than its nodes")
+            result.decide("voxels", " x ".join(map(str, density.values.shape)), "the density is baked")
         if homogeneous:
             result.decide("analytic path", "no density is sampled", "the medium is homogeneous")
         elif step > 0.0:
@@ -174,7 +230,7 @@ def _step(volume: Volume) -> float:
             size = density.noise_size
             if density.billow_octaves > 0 and density.billow_strength != 0.0:
                 size = min(size, density.billow_size)
-            return MARCHING_STEP * size * min(1.0, density.softness)
+            return min(MARCHING_STEP * size * min(1.0, density.softness), NOISE_DEPTH / max(max(volume.medium.sigma_t), 1e-300))
         case Grid() as density:
             thickest = max(volume.medium.sigma_t) * float(density.values.max())
             return min(MARCHING_STEP * VOXELS_PER_FEATURE * _voxel(density), THICKEST_STEP / max(thickest, 1e-300))
