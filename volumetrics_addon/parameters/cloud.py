@@ -25,8 +25,7 @@ CLOUD = Group(
         Parameter("droplet_diameter", "float", 12.0, "Diameter of the water droplets: fog and young clouds have small ones, which "
                   "scatter a little less sharply.", unit="um", minimum=5.0, maximum=50.0, live=True, when=("phase", "mie")),
         Parameter("scattering", "choice", "full", "How Cycles follows light inside: in full, or with a few octaves that stand for "
-                  "many orders: up to five times as quick and within 2 % of the light for thin and small clouds, but 11 % to 17 % too dark "
-                  "in thick ones.",
+                  "many orders: quicker for thin clouds, 11 % to 17 % too dark in thick ones.",
                   choices=(("full", "All orders"), ("octaves", "Octaves"))),
         Parameter("octaves", "int", 12, "Scattering events that are followed when scattering is by octaves.",
                   minimum=1, maximum=64, when=OCTAVES),

@@ -46,11 +46,36 @@ def describe_scene(scene: Scene) -> list[Body]:
     for light in scene.lights:
         if type(light).__name__ == "Projector":
             raise ValueError("the engines' lights carry no frustum and no gobo image; use a spot with blockers")
+    layers = _fog_layers(scene.volumes)
     air = [volume for volume in scene.volumes if isinstance(volume.medium.density, ExponentialAltitude)]
-    bodies = [body(*describe(volume), (volume,)) for volume in scene.volumes if volume not in air]
+    bodies = [body(*describe(volume), (volume,)) for volume in scene.volumes if volume not in air and volume not in sum(layers, ())]
+    for first, second in layers:
+        family, values = describe(first)
+        other = describe(second)[1]
+        values |= {"second_extinction": other["extinction"], "second_scale_height": other["scale_height"]}
+        bodies.append(body(family, values, (first, second)))
     if air:
         bodies.append(body("air", describe_air(air, scene.camera), air))
     return bodies
+
+
+def _fog_layers(volumes: Sequence[Volume]) -> list[tuple[Volume, Volume]]:
+    """Pairs of height fogs that are two layers of one: in one domain, above one base, with one albedo and phase function."""
+    def shared(volume: Volume) -> tuple | None:
+        medium = volume.medium
+        if volume.boundary is not None or not isinstance(medium.density, ExponentialHeight) or not medium.scatters:
+            return None
+        albedo = tuple(round(s / t, 9) for s, t in zip(medium.sigma_s, medium.sigma_t))
+        return volume.domain, medium.density.base_height, albedo, medium.phase
+
+    pairs, waiting = [], {}
+    for volume in volumes:
+        key = shared(volume)
+        if key in waiting:
+            pairs.append((waiting.pop(key), volume))
+        elif key is not None:
+            waiting[key] = volume
+    return pairs
 
 
 def describe_air(volumes: Sequence[Volume], camera: Camera) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ...scene.families.fog import CONTRAST_DEPTH
 from ...scene.model import Shape
 from ..fields import Fields
 from ..nodes import Tree, socket_of
@@ -13,8 +14,19 @@ from ..shaders import Outputs, Sockets, one_lobe
 
 
 def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
+    # The visibility counts where it is above 0, live: a division by 0 gives 0 in shader nodes.
+    seen = build.math("GREATER_THAN", inputs["visibility"], 0.0)
+    at_base = build.math("ADD", build.math("MULTIPLY", inputs["extinction"], build.math("SUBTRACT", 1.0, seen)),
+                         build.math("DIVIDE", CONTRAST_DEPTH, inputs["visibility"]))
+    if values["profile"] == "slab":
+        return one_lobe(build, inputs["albedo"], at_base, inputs["g"])
     position = socket_of(build.node("ShaderNodeNewGeometry").outputs, "Position")
-    depth = build.math("DIVIDE", build.math("SUBTRACT", inputs["base_height"], build.components(position)[2]),
-                       inputs["scale_height"])
-    extinction = build.math("MULTIPLY", inputs["extinction"], build.math("EXPONENT", depth))
-    return one_lobe(build, inputs["albedo"], extinction, inputs["g"])
+    depth = build.math("SUBTRACT", inputs["base_height"], build.components(position)[2])
+
+    def layer(extinction: Any, scale_height: str) -> Any:
+        return build.math("MULTIPLY", extinction, build.math("EXPONENT", build.math("DIVIDE", depth, inputs[scale_height])))
+
+    total = layer(at_base, "scale_height")
+    if values["second_extinction"] > 0.0:
+        total = build.math("ADD", total, layer(inputs["second_extinction"], "second_scale_height"))
+    return one_lobe(build, inputs["albedo"], total, inputs["g"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From the values of a fog to its volume."""
+"""From the values of a fog to its volumes: one for each layer, all in one domain."""
 
 from __future__ import annotations
 
@@ -7,20 +7,35 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ..model import Box, ExponentialHeight, Medium, Phase, Volume, add, scaled, subtract
+from ..model import Box, Density, ExponentialHeight, Homogeneous, Medium, Phase, Volume, add, scaled, subtract
 from .item import Bounds, Item, scattering
+
+# -ln of the contrast that a black object keeps at the distance of the visibility: 2 %, Koschmieder 1924.
+CONTRAST_DEPTH = -math.log(0.02)
+
+
+def extinction(values: Mapping[str, Any]) -> float:
+    """Extinction (1/m) at the base: the parameter, or -ln(0.02) / visibility where there is a visibility."""
+    return CONTRAST_DEPTH / values["visibility"] if values["visibility"] > 0.0 else values["extinction"]
 
 
 def assemble(values: Mapping[str, Any], bounds: Bounds | None) -> Item:
-    """Box over the bounds plus the margin, from just below the base up to the height of the cutoff density."""
+    """Box over the bounds plus the margin, from just below the base up to the top of the slab or the height of the cutoff density."""
     if bounds is None:
         raise ValueError("height fog is fitted to the scene; give the bounds of its objects and camera")
-    margin, scale_height, base = values["margin"], values["scale_height"], values["base_height"]
-    top = base + scale_height * -math.log(values["cutoff"])
+    margin, base = values["margin"], values["base_height"]
+    layers: list[tuple[float, Density]]
+    if values["profile"] == "slab":
+        top, layers = base + values["slab_height"], [(extinction(values), Homogeneous())]
+    else:
+        layers = [(extinction(values), ExponentialHeight(values["scale_height"], base))]
+        if values["second_extinction"] > 0.0:
+            layers.append((values["second_extinction"], ExponentialHeight(values["second_scale_height"], base)))
+        top = base + max(density.scale_height for _, density in layers) * -math.log(values["cutoff"])
     # One hundredth below the base, so that a floor at base height never coincides with the domain's face.
     bottom = base - 0.01 * (top - base)
     low = (bounds.low[0] - margin, bounds.low[1] - margin, bottom)
     high = (bounds.high[0] + margin, bounds.high[1] + margin, top)
     box = Box(scaled(add(low, high), 0.5), scaled(subtract(high, low), 0.5))
-    sigma_s, sigma_a = scattering(values)
-    return Item([Volume(box, Medium(sigma_s, sigma_a, Phase(values["g"]), ExponentialHeight(scale_height, base)))])
+    media = [Medium(*scattering({**values, "extinction": sigma}), Phase(values["g"]), density) for sigma, density in layers]
+    return Item([Volume(box, medium) for medium in media])
