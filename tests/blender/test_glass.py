@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Glass in the engines: closed forms in Cycles, and what EEVEE makes of them.
 
-EEVEE's bounds are the residuals that scripts/glass_residual.py prints, with a margin for drivers.
+EEVEE's bounds are measured residuals with a margin for drivers.
 """
 
 import math
@@ -80,7 +80,7 @@ def test_eevee_under_uniform_light(shape, bound):
 
 
 def test_swatches_are_what_their_sources_say():
-    """Index of refraction of clear float glass at 550 nm: 2.2e-7; T of 1 cm is 95.1 %. A litre of Merlot is nearly opaque."""
+    """Index of refraction of clear float glass at 550 nm: 2.2e-7; T of 1 cm is 95.1 %."""
     assert SWATCHES["float_glass"].sigma_a[1] == pytest.approx(4 * math.pi * 2.2e-7 / 550e-9)
     assert math.exp(-0.01 * SWATCHES["float_glass"].sigma_a[1]) == pytest.approx(0.951, abs=1e-3)
     for name, swatch in SWATCHES.items():
