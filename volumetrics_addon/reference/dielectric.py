@@ -76,7 +76,8 @@ def radiance(scene: Scene, origin: Array, direction: Array, cut: float = CUT) ->
     # (shape, medium within, medium around it, index within over index around); media: -1 air, i the glass of solid i, and its
     # cavity, which is air too, n + i.
     interfaces = [(volume.domain, i, -1, volume.boundary.ior) for i, volume in enumerate(solids)]
-    interfaces += [(volume.cavity, len(solids) + i, i, 1.0 / volume.boundary.ior) for i, volume in enumerate(solids) if volume.cavity]
+    interfaces += [(volume.cavity, len(solids) + i, i, 1.0 / volume.boundary.ior)
+                   for i, volume in enumerate(solids) if volume.cavity]
     tinted = Scene(scene.camera, volumes=tuple(v for v in scene.volumes if v.boundary is None))
     environment = np.array(scene.environment)
     brightest = max([max(scene.environment), *(max(s.emission) for s in scene.surfaces)])
