@@ -12,6 +12,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from volumetrics_addon.blender import build, groups  # noqa: E402
+from volumetrics_addon.blender.fields import Fields  # noqa: E402
 from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
 from volumetrics_addon.parameters.preset import load, names  # noqa: E402
 from volumetrics_addon.verify import scene_of  # noqa: E402
@@ -67,6 +68,7 @@ def variants():
     yield "godray", "godray", {}, "beam"
     yield "glass-sphere", "glass", {}, "ball"
     yield "glass-block", "glass", {"shape": "block"}, "block"
+    yield "glass-shell", "glass", {"shape": "shell"}, "shell"
     yield "glass-tint", "glass", {"refraction": False}, "tint"
     yield "air", "air", {}, "air"
 
@@ -79,9 +81,9 @@ def test_node_trees_are_as_recorded(snapshot, family, changes, label):
     from volumetrics_addon.scene import assemble
 
     values = FAMILIES[family].check(changes)
-    domain = assemble.ASSEMBLERS[family](values, assemble.Bounds([(-5, -5, 0), (5, 5, 3)])).volumes[0].domain
+    volume = assemble.ASSEMBLERS[family](values, assemble.Bounds([(-5, -5, 0), (5, 5, 3)])).volumes[0]
     with build.temporary():
-        material = groups.material(FAMILIES[family], values, domain, label)
+        material = groups.material(FAMILIES[family], values, volume.domain, label, Fields(cavity=volume.cavity))
         node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
         lines = ["# group", *describe(node.node_tree), "# material", *describe(material.node_tree)]
     text = "\n".join(lines) + "\n"

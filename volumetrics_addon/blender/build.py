@@ -40,7 +40,7 @@ def add_body(body: Body, name: str, collection: bpy.types.Collection, baked: Lig
     if isinstance(first.medium.density, Grid):
         result = grid.body(first, name, material, collection)
     else:
-        result = objects.body(body.domain, name, material, collection)
+        result = objects.body(body.domain, name, material, collection, cavity=first.cavity)
     if first.boundary is None:  # a box, ball or cone of lines: the faces of the mesh would fill the view
         result.display_type = "BOUNDS"
         result.display_bounds_type = {Box: "BOX", Ellipsoid: "SPHERE", Cone: "CONE"}[type(body.domain)]

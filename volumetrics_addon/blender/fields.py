@@ -5,20 +5,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..scene.model import Grid, Volume
+from ..scene.model import Ellipsoid, Grid, Volume
 from . import grid, light
 
 
 @dataclass(frozen=True)
 class Fields:
-    """Density from ``voxels``, which the nodes ``cut`` at the domain, and in EEVEE the ``glow`` of scattered light."""
+    """Density from ``voxels``, which the nodes ``cut`` at the domain, and in EEVEE the ``glow`` of scattered light. The
+    ``cavity`` of a hollow body bounds the path through its wall.
+    """
 
     voxels: bool = False
     cut: bool = False
     glow: light.Picture | None = None
+    cavity: Ellipsoid | None = None
 
 
 def fields_of(volume: Volume, glow: light.Picture | None = None) -> Fields:
     if not isinstance(volume.medium.density, Grid):
-        return Fields(glow=glow)
+        return Fields(glow=glow, cavity=volume.cavity)
     return Fields(True, grid.needs_cut(volume), glow)

@@ -60,6 +60,7 @@ def material(family: Group, values: Mapping[str, Any], shape: Shape, name: str,
     if any(socket.name == "EEVEE Surface" for socket in node.outputs):
         result.surface_render_method = "DITHERED"
         result.use_raytrace_refraction = True
-        result.thickness_mode = "SPHERE" if isinstance(shape, Ellipsoid) else "SLAB"
+        # Through the walls of a shell light goes on in its direction, as through a slab.
+        result.thickness_mode = "SPHERE" if isinstance(shape, Ellipsoid) and fields.cavity is None else "SLAB"
     arrange(build.tree)
     return result

@@ -126,9 +126,23 @@ def rings(shape: Ellipsoid, eye: tuple[float, float, float], name: str) -> tuple
     return data, _frame(shape.axes, origin)
 
 
+def add_cavity(data: bpy.types.Mesh, cavity: Ellipsoid) -> None:
+    """Add the surface of a cavity, whose normals point into it: one mesh then bounds the wall on both sides."""
+    inner, _ = mesh(cavity, "cavity")
+    inner.flip_normals()
+    build = bmesh.new()
+    build.from_mesh(data)
+    build.from_mesh(inner)
+    build.to_mesh(data)
+    build.free()
+    bpy.data.meshes.remove(inner)
+
+
 def body(shape: Shape, name: str, material: bpy.types.Material, collection: bpy.types.Collection,
-         eye: tuple[float, float, float] | None = None) -> bpy.types.Object:
+         eye: tuple[float, float, float] | None = None, cavity: Ellipsoid | None = None) -> bpy.types.Object:
     data, where = mesh(shape, name, eye)
+    if cavity is not None:
+        add_cavity(data, cavity)
     data.materials.append(material)
     result = bpy.data.objects.new(name, data)
     result.matrix_world = where

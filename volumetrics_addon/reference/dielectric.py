@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Refracting, absorbing solids by following every reflected and refracted ray.
+"""Refracting, absorbing bodies, solid or hollow, by following every reflected and refracted ray.
 
 Smooth interfaces with Fresnel reflectance for unpolarised light, Beer-Lambert inside, emitting surfaces and a uniform
 environment outside. The tree of rays is cut where a ray carries less than a given share of a pixel; what is cut, times the
@@ -73,6 +73,11 @@ def radiance(scene: Scene, origin: Array, direction: Array, cut: float = CUT) ->
     """Radiance (n, 3), the radiance that the cut rays could have carried at most, and the rays followed."""
     epsilon = 1e-7 * optics.scale_of(scene)
     solids = [volume for volume in scene.volumes if volume.boundary is not None]
+    # (shape, medium within, medium around it, index within over index around); media: -1 air, i the glass of solid i, and its
+    # cavity, which is air too, n + i.
+    interfaces = [(volume.domain, i, -1, volume.boundary.ior) for i, volume in enumerate(solids)]
+    interfaces += [(volume.cavity, len(solids) + i, i, 1.0 / volume.boundary.ior)
+                   for i, volume in enumerate(solids) if volume.cavity]
     tinted = Scene(scene.camera, volumes=tuple(v for v in scene.volumes if v.boundary is None))
     environment = np.array(scene.environment)
     brightest = max([max(scene.environment), *(max(s.emission) for s in scene.surfaces)])
@@ -88,9 +93,9 @@ def radiance(scene: Scene, origin: Array, direction: Array, cut: float = CUT) ->
         surface_t, surface = geometry.first_hit(scene.surfaces, origin, direction, epsilon)
         solid_t = np.full(len(ray), np.inf)
         solid = np.full(len(ray), -1)
-        for i, volume in enumerate(solids):
-            near, far = geometry.interval(volume.domain, origin, direction)
-            t = np.where(inside == i, far, np.where(near > epsilon, near, np.inf))
+        for i, (shape, within, without, _) in enumerate(interfaces):
+            near, far = geometry.interval(shape, origin, direction)
+            t = np.where(inside == within, far, np.where((inside == without) & (near > epsilon), near, np.inf))
             t = np.where((near < far) & (t > -epsilon), np.maximum(t, 0.0), np.inf)
             closer = t < solid_t
             solid_t[closer], solid[closer] = t[closer], i
@@ -107,22 +112,22 @@ def radiance(scene: Scene, origin: Array, direction: Array, cut: float = CUT) ->
         rows = np.flatnonzero(~ends)
         position = origin[rows] + distance[rows, None] * direction[rows]
         children = []
-        for i, volume in enumerate(solids):
+        for i, (shape, within, without, index) in enumerate(interfaces):
             mine = solid[rows] == i
             at, d = position[mine], direction[rows][mine]
-            n = geometry.normal(volume.domain, at)
+            n = geometry.normal(shape, at)
             cosine = np.einsum("ni,ni->n", n, d)
             leaving = cosine > 0.0
             n = np.where(leaving[:, None], -n, n)
             cosine = np.minimum(np.abs(cosine), 1.0)
-            ior = np.where(leaving, 1.0 / volume.boundary.ior, volume.boundary.ior)
+            ior = np.where(leaving, 1.0 / index, index)
             reflectance, cos_refracted = fresnel(cosine, ior)
             carried, source = throughput[rows][mine], ray[rows][mine]
             was = inside[rows][mine]
             reflected = d + 2.0 * cosine[:, None] * n
             refracted = d / ior[:, None] + (cosine / ior - cos_refracted)[:, None] * n
             children.append((source, at, reflected, carried * reflectance[:, None], was))
-            children.append((source, at, refracted, carried * (1.0 - reflectance)[:, None], np.where(leaving, -1, i)))
+            children.append((source, at, refracted, carried * (1.0 - reflectance)[:, None], np.where(leaving, without, within)))
         if not children:
             break
         ray, origin, direction, throughput, inside = (np.concatenate(parts) for parts in zip(*children))

@@ -74,6 +74,9 @@ def density_depth(volume: Volume, origin: Array, direction: Array, limit: Array 
     near, far = geometry.interval(volume.domain, origin, direction)
     near, far = np.maximum(near, 0.0), np.minimum(far, limit)
     length = np.maximum(far - near, 0.0)
+    if volume.cavity is not None:
+        near, far = geometry.interval(volume.cavity, origin, direction)
+        length = length - np.maximum(np.minimum(far, limit) - np.maximum(near, 0.0), 0.0)
     density = volume.medium.density
     if isinstance(density, NoiseShape):
         raise ValueError("the optical depth of noise has no closed form, got a NoiseShape; sample it, or march it")

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..parameters.families import FAMILIES
 from .body import Body
-from .families import ASSEMBLERS, air
+from .families import ASSEMBLERS, air, glass
 from .families.item import Bounds
 from .model import Box, Camera, Ellipsoid, Light, Scene, Sun, Surface, Vector, Volume, normalized, scaled, subtract, turned
 
@@ -21,7 +21,7 @@ def body(family: str, values: Mapping[str, Any], volumes: Iterable[Volume]) -> B
     if len(domains) != 1:
         raise ValueError(f"a body has one domain, got {len(domains)} in {len(volumes)} volumes; make a body of each")
     domain = air.domain(values) if family == "air" else domains.pop()
-    return Body(FAMILIES[family], values, volumes, domain)
+    return Body(FAMILIES[family], glass.resolved(values) if family == "glass" else values, volumes, domain)
 
 
 def prop(values: Mapping[str, Any]) -> Surface:

@@ -136,11 +136,17 @@ def _glass(volume: Volume) -> dict[str, Any]:
     if not isinstance(volume.medium.density, Homogeneous) or not isinstance(volume.domain, (Box, Ellipsoid)):
         raise ValueError("an absorbing body must be a homogeneous box or ellipsoid, "
                          f"got {volume.medium.density} in {type(volume.domain).__name__}")
-    boundary = volume.boundary
+    boundary, shape = volume.boundary, "sphere" if isinstance(volume.domain, Ellipsoid) else "block"
+    hollow: dict[str, Any] = {}
+    if volume.cavity is not None:
+        walls = [outer - inner for outer, inner in zip(volume.domain.half, volume.cavity.half)]
+        if max(walls) - min(walls) > GREY * max(volume.domain.half):
+            raise ValueError(f"the wall of a hollow body must be equally thick along its axes, got {walls} m")
+        shape, hollow = "shell", {"thickness": walls[0]}
     # The distance at which the strongest absorption leaves 1/e keeps every colour well inside its limits.
     strongest = max(volume.medium.sigma_a)
     distance = 1.0 / strongest if strongest > 0.0 else 1.0
-    return {"shape": "sphere" if isinstance(volume.domain, Ellipsoid) else "block", "distance": distance,
+    return {"shape": shape, **hollow, "distance": distance,
             "color": tuple(math.exp(-s * distance) for s in volume.medium.sigma_a),
             "refraction": boundary is not None, "ior": boundary.ior if boundary else 1.0}
 

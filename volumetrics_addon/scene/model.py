@@ -252,12 +252,28 @@ class Dielectric:
 
 @dataclass(frozen=True)
 class Volume:
-    """A medium in a domain, with or without a refracting boundary. ``octaves`` is for the engines alone."""
+    """A medium in a domain, with or without a refracting boundary. ``octaves`` is for the engines alone.
+
+    ``cavity`` is an ellipsoid inside the domain that holds nothing: the body is a hollow shell, whose inner surface refracts
+    as the outer one does. Only homogeneous media that absorb have one.
+    """
 
     domain: Shape
     medium: Medium
     boundary: Dielectric | None = None
     octaves: Octaves | None = None
+    cavity: Ellipsoid | None = None
+
+    def __post_init__(self) -> None:
+        if self.cavity is None:
+            return
+        if self.medium.scatters or not isinstance(self.medium.density, Homogeneous):
+            raise ValueError(f"only a homogeneous medium that absorbs may be hollow, got {self.medium}; leave the cavity out")
+        inner, outer = self.cavity, self.domain
+        if not isinstance(outer, Ellipsoid) or (inner.center, inner.axes) != (outer.center, outer.axes) or any(
+                not 0.0 < i < o for i, o in zip(inner.half, outer.half)):
+            raise ValueError(f"a cavity must be a smaller ellipsoid at the centre of an ellipsoid, got {inner} in {outer}; make "
+                             "the wall thinner than half of the smallest size")
 
 
 # --- lights, surfaces, camera -------------------------------------------------------------------------------
@@ -353,7 +369,8 @@ class Scene:
 
     @property
     def is_dielectric(self) -> bool:
-        return any(volume.boundary is not None for volume in self.volumes)
+        """Whether light meets interfaces or cavities, which only the integrator of glass follows."""
+        return any(volume.boundary is not None or volume.cavity is not None for volume in self.volumes)
 
     @property
     def engine_orders(self) -> int:
