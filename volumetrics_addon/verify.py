@@ -22,7 +22,7 @@ from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
 from .scene.bake import voxelized
-from .scene.model import Phase, Scene
+from .scene.model import Phase, Projector, Scene
 
 # Default tolerances of the mean relative error; EEVEE approximates, so its error is stated and by default not judged.
 TOLERANCE = {CYCLES: 0.005, EEVEE: None}
@@ -127,7 +127,7 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
         return []
     notes = []
     if scene.is_dielectric:
-        notes.append("EEVEE traces refraction in screen space, through one inner path without inner reflection")
+        notes.append("EEVEE traces refraction in screen space; reflections inside the body come from closed forms")
     elif any(volume.medium.scatters for volume in scene.volumes):
         baked = [bool(bakes_light(scene, volume, preset.parameters)) for volume in scene.volumes]
         if all(baked):
@@ -142,6 +142,8 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
         one_lobe = len(phases) == 1 and all(isinstance(phase, Phase) and phase.weight == 0.0 for phase in phases)
         if not one_lobe and not all(baked):
             notes.append("EEVEE has one HG lobe, here with the mean cosine of the phase function")
+        if any(isinstance(light, Projector) and (light.falloff != 2 or light.near > 0.0) for light in scene.lights):
+            notes.append("EEVEE's lights fall off with the square of the distance and have no near end")
         if scene.surfaces:
             notes.append("EEVEE does not dim the light that reaches surfaces through the medium")
         if max(scene.environment) > 0.0 and not all(baked):

@@ -10,12 +10,13 @@ from typing import Any
 
 import bpy
 
+from ..plan import rules
 from ..plan.model import CYCLES, Plan
 from ..reference.light_grid import LightGrid
 from ..scene import units
 from ..scene.body import Body
-from ..scene.model import Box, Cone, Ellipsoid, Grid, Light, Scene, Shape, Sun
-from . import compat, fields, grid, groups, light, objects, settings
+from ..scene.model import Box, Cone, Ellipsoid, Grid, Hull, Light, Projector, Scene, Shape, Sun
+from . import compat, fields, grid, groups, light, objects, projector, settings
 from .nodes import Tree, socket_of
 
 _COLLECTIONS = ("objects", "meshes", "lights", "cameras", "materials", "node_groups", "worlds", "scenes", "collections", "images")
@@ -43,7 +44,7 @@ def add_body(body: Body, name: str, collection: bpy.types.Collection, baked: Lig
         result = objects.body(body.domain, name, material, collection, cavity=first.cavity)
     if first.boundary is None:  # a box, ball or cone of lines: the faces of the mesh would fill the view
         result.display_type = "BOUNDS"
-        result.display_bounds_type = {Box: "BOX", Ellipsoid: "SPHERE", Cone: "CONE"}[type(body.domain)]
+        result.display_bounds_type = {Box: "BOX", Ellipsoid: "SPHERE", Cone: "CONE", Hull: "BOX"}[type(body.domain)]
     return result
 
 
@@ -64,7 +65,7 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
         domain = add_body(body, label, collection, baked.get(index))
         set_volume_material(domain.material_slots[0].material, settings_of_volume)
     for index, source in enumerate(scene.lights):
-        objects.light(source, f"{label} light {index}", collection)
+        add_light(source, f"{label} light {index}", collection, scene, plan.engine)
     for index, surface in enumerate(scene.surfaces):
         objects.body(surface.shape, f"{label} body {index}",
                      objects.surface_material(surface, f"{label} body {index}"), collection, scene.camera.position)
@@ -80,6 +81,14 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
     render.use_stamp = False
     settings.apply(result, plan.settings)
     return result
+
+
+def add_light(source: Light, name: str, collection: bpy.types.Collection, scene: Scene, engine: str | None = None) -> None:
+    """The light, for one engine or for both: a projector is nodes in Cycles and a mask before the light in EEVEE."""
+    if isinstance(source, Projector):
+        projector.add(source, name, collection, engine, rules.reach(scene, source.position))
+    else:
+        objects.light(source, name, collection)
 
 
 def set_volume_material(material: bpy.types.Material, values: Mapping[str, Any]) -> None:

@@ -30,7 +30,7 @@ KEY = "volumetrics"
 TAG = "volumetrics_item"
 BAKE_SAMPLES = 32  # paths of each voxel: seconds, also with NumPy alone
 # In the order of use: objects free meshes, and those geometry nodes, which free materials, and those shader nodes.
-_OWNED = ("objects", "meshes", "lights", "node_groups", "materials", "node_groups", "images")
+_OWNED = ("objects", "meshes", "lights", "node_groups", "materials", "node_groups", "images", "collections")
 
 
 def items(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
@@ -179,7 +179,7 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     cycles = plan(described, [medium], CYCLES, 1, has_null_scattering=compat.current().volume_biased)
     build.set_volume_material(domain.material_slots[0].material, *cycles.volume_settings)
     for source in item.lights:
-        objects.light(source, f"{label} light", collection)
+        build.add_light(source, f"{label} light", collection, described)
     for surface in item.surfaces:
         part = f"{label} {'ground' if family == 'air' else 'blocker'}"
         objects.body(surface.shape, part, objects.surface_material(surface, part), collection, eye)

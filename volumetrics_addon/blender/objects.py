@@ -10,7 +10,7 @@ import bpy
 from mathutils import Matrix, Vector
 
 from ..scene.model import (
-    Box, Camera, Color, Cone, Ellipsoid, Light, Shape, Sun, Surface, add, look_frame, normalized, scaled, subtract,
+    Box, Camera, Color, Cone, Ellipsoid, Hull, Light, Shape, Sun, Surface, add, look_frame, normalized, scaled, subtract,
 )
 from .compat import use_nodes
 from .nodes import Tree, arrange, socket_of
@@ -67,6 +67,10 @@ def mesh(shape: Shape, name: str, eye: tuple[float, float, float] | None = None)
             for i, vertex in enumerate(ring):
                 build.faces.new((tip, vertex, ring[(i + 1) % CONE_SIDES]))
             build.faces.new(list(reversed(ring)))
+        case Hull():
+            vertices = [build.verts.new(subtract(corner, shape.corners[0])) for corner in shape.corners]
+            for face in shape.faces:
+                build.faces.new([vertices[index] for index in face])
     build.normal_update()
     build.to_mesh(data)
     build.free()
@@ -77,6 +81,8 @@ def placement(shape: Shape) -> Matrix:
     """Where the shape's mesh is placed in the world."""
     if isinstance(shape, Cone):
         return _frame(look_frame(shape.axis), shape.apex)
+    if isinstance(shape, Hull):
+        return Matrix.Translation(shape.corners[0])
     return _frame(shape.axes, shape.center)
 
 
@@ -150,8 +156,8 @@ def body(shape: Shape, name: str, material: bpy.types.Material, collection: bpy.
     return result
 
 
-def light(source: Light, name: str, collection: bpy.types.Collection) -> bpy.types.Object:
-    """A light object with the Scene's radiometry (see the table of conventions in scene.model)."""
+def light(source: Light, name: str, collection: bpy.types.Collection, axes: tuple | None = None) -> bpy.types.Object:
+    """A light object with the Scene's radiometry (see the table of conventions in scene.model), turned to ``axes`` if given."""
     colour = source.irradiance if isinstance(source, Sun) else source.power
     strength = max(colour)
     kind = {"Sun": "SUN", "Point": "POINT", "Spot": "SPOT"}[type(source).__name__]
@@ -169,7 +175,7 @@ def light(source: Light, name: str, collection: bpy.types.Collection) -> bpy.typ
     result = bpy.data.objects.new(name, data)
     position = (0.0, 0.0, 0.0) if kind == "SUN" else source.position
     direction = (0.0, 0.0, -1.0) if kind == "POINT" else source.direction
-    result.matrix_world = _frame(look_frame(direction), position)
+    result.matrix_world = _frame(axes or look_frame(direction), position)
     collection.objects.link(result)
     return result
 

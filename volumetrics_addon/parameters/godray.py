@@ -1,23 +1,63 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Godray: a spot light in haze, with blockers that cut its beam into streaks."""
+"""Godray: a spot light or a projector in haze, with blockers that cut its beam into streaks."""
 
 from .model import Group, Parameter
 from .shared import ALBEDO, EXTINCTION, G, LOCATION, having
 
+PROJECTOR = ("light", "projector")
+GOBO = ("gobo", "window", "blinds", "leaves", "water", "stained_glass")
+
 GODRAY = Group(
     "godray", "Godray", "Spot light in haze with blockers that cut streaks.",
     (
+        Parameter("light", "choice", "spot", "A round spot, or a projector: a frustum with a picture in its light.",
+                  choices=(("spot", "Spot"), ("projector", "Projector"))),
         having(LOCATION, (0.0, 0.0, 6.0), description="Position of the light in world space."),
         Parameter("target", "vector", (0.0, 0.0, 0.0), "Point the light looks at.", unit="m", minimum=-1e6, maximum=1e6),
         Parameter("power", "float", 2000.0, "Power of the light as Blender counts it: intensity power / (4 pi).",
                   unit="W", minimum=0.0, maximum=1e9, soft_maximum=1e5),
         Parameter("color", "color", (1.0, 1.0, 1.0), "Colour of the light.", minimum=0.0, maximum=1.0),
-        Parameter("cone_angle", "float", 40.0, "Full angle of the light's cone.", unit="deg", minimum=1.0, maximum=160.0),
-        Parameter("blend", "float", 0.2, "Soft part of the cone's edge.", minimum=0.0, maximum=1.0),
+        Parameter("cone_angle", "float", 40.0, "Full angle of the light's cone.", unit="deg", minimum=1.0, maximum=160.0,
+                  when=("light", "spot")),
+        Parameter("blend", "float", 0.2, "Soft part of the edge of the cone or frustum.", minimum=0.0, maximum=1.0),
+        Parameter("frustum", "choice", "rectangular", "Outline of the projector's beam; elliptic with equal angles is round.",
+                  choices=(("rectangular", "Rectangular"), ("elliptic", "Elliptic")), when=PROJECTOR),
+        Parameter("horizontal_fov", "float", 30.0, "Full angle of the beam from side to side.", unit="deg", minimum=0.1,
+                  maximum=150.0, when=PROJECTOR, title="Horizontal angle"),
+        Parameter("vertical_fov", "float", 30.0, "Full angle of the beam from top to bottom.", unit="deg", minimum=0.1,
+                  maximum=150.0, when=PROJECTOR, title="Vertical angle"),
+        Parameter("roll", "float", 0.0, "Rotation of the projector about its beam.", unit="deg", minimum=-360.0, maximum=360.0,
+                  when=PROJECTOR),
+        Parameter("near", "float", 0.0, "Where the light and its haze begin, along the beam.", unit="m", minimum=0.0, maximum=1e5,
+                  soft_maximum=100.0, when=PROJECTOR),
+        Parameter("far", "float", 1e6, "Where the light ends, along the beam. EEVEE knows the end of the haze alone.", unit="m",
+                  minimum=1e-2, maximum=1e6, soft_maximum=1e3, when=PROJECTOR),
+        Parameter("falloff", "choice", "quadratic", "How the light falls with the distance; all are equal at one metre. EEVEE knows "
+                  "the quadratic one alone.", choices=(("quadratic", "Quadratic"), ("linear", "Linear"), ("constant", "Constant")),
+                  when=PROJECTOR),
+        Parameter("gobo", "choice", "none", "Picture in the projector's light.",
+                  choices=(("none", "None"), ("window", "Window"), ("blinds", "Blinds"), ("leaves", "Leaves"), ("water", "Water"),
+                           ("stained_glass", "Stained glass")), when=PROJECTOR),
+        Parameter("gobo_count", "int", 4, "Panes, slats, leaves or ripples across the height of the picture.", minimum=1,
+                  maximum=64, when=GOBO),
+        Parameter("gobo_softness", "float", 0.1, "Share of a pane, slat or leaf over which its edges fade.", minimum=0.0,
+                  maximum=1.0, when=GOBO),
+        Parameter("gobo_scale", "float", 1.0, "Size of the pattern.", minimum=0.01, maximum=100.0, soft_maximum=10.0, when=GOBO),
+        Parameter("gobo_rotation", "float", 0.0, "Rotation of the pattern in the beam.", unit="deg", minimum=-360.0,
+                  maximum=360.0, when=GOBO),
+        Parameter("gobo_drift", "vector", (0.0, 0.0, 0.0), "Speed of the pattern to the right and up, in half heights of the "
+                  "picture a second; the third number has no effect.", minimum=-100.0, maximum=100.0, when=GOBO),
+        Parameter("gobo_time", "float", 0.0, "Moment at which the drifting pattern is shown.", unit="s", minimum=-1e6, maximum=1e6,
+                  when=GOBO),
+        Parameter("gobo_seed", "int", 0, "Another number makes another picture of leaves, water or glass.", minimum=0,
+                  maximum=9999, when=GOBO),
+        Parameter("gobo_resolution", "int", 64, "Pixels along the longer side of the picture.", minimum=2, maximum=512, when=GOBO),
+        Parameter("count", "int", 1, "Lights side by side; several share a box of haze.", minimum=1, maximum=8),
+        Parameter("spacing", "float", 1.4, "Distance from light to light.", unit="m", minimum=1e-3, maximum=1e4, soft_maximum=20.0),
         Parameter("length", "float", 8.0, "How far the haze reaches along the beam.",
                   unit="m", minimum=1e-2, maximum=1e5, soft_maximum=1e3),
         Parameter("domain", "choice", "cone", "Shape of the haze: only the beam, or a box around it.",
-                  choices=(("cone", "Cone"), ("box", "Box"))),
+                  choices=(("cone", "Beam"), ("box", "Box"))),
         having(EXTINCTION, 0.05, soft_maximum=1.0),
         having(ALBEDO, (0.9, 0.9, 0.9)),
         having(G, 0.5),

@@ -16,7 +16,8 @@ from typing import Any
 from ..scene.body import Body
 from ..scene.channels import mixes
 from ..scene.model import (
-    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, NoiseShape, Scene, Shape, Sun, Vector, Volume,
+    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, NoiseShape, Scene, Shape, Sun,
+    Vector, Volume,
 )
 from .model import CYCLES, Plan
 
@@ -60,6 +61,8 @@ def extent(shape: Shape) -> tuple[float, float, float]:
         case Cone():
             width = 2.0 * shape.length * math.tan(shape.half_angle)
             return (width, width, shape.length)
+        case Hull():
+            return tuple(max(values) - min(values) for values in zip(*shape.corners))
 
 
 def reach(scene: Scene, position: Vector) -> float:
@@ -68,6 +71,8 @@ def reach(scene: Scene, position: Vector) -> float:
     for shape in [volume.domain for volume in scene.volumes] + [surface.shape for surface in scene.surfaces]:
         if isinstance(shape, Cone):
             farthest = max(farthest, math.dist(position, shape.apex) + shape.length / math.cos(shape.half_angle))
+        elif isinstance(shape, Hull):
+            farthest = max(farthest, *(math.dist(position, corner) for corner in shape.corners))
         else:
             farthest = max(farthest, math.dist(position, shape.center) + math.hypot(*shape.half))
     return farthest

@@ -22,7 +22,7 @@ import numpy as np
 
 from ..physics import phase as phase_functions
 from ..scene import geometry
-from ..scene.model import AnyPhase, Box, Cone, Ellipsoid, Phase, Scene, Shape, Volume, look_frame
+from ..scene.model import AnyPhase, Box, Cone, Ellipsoid, Hull, Phase, Scene, Shape, Volume, look_frame
 from . import optics, single_scattering
 from .frame import TILE, render_rays
 from .result import Progress, Result
@@ -353,6 +353,9 @@ def corners(shape: Shape) -> Array:
         side = shape.length * np.tan(shape.half_angle)
         center = tuple(a + half * x for a, x in zip(shape.apex, shape.axis))
         return np.array(Box(center, (side, side, half), look_frame(shape.axis)).corners)
+    if isinstance(shape, Hull):
+        low, high = np.min(shape.corners, axis=0), np.max(shape.corners, axis=0)
+        return np.array(Box(tuple((low + high) / 2.0), tuple((high - low) / 2.0)).corners)
     return np.array(Box(shape.center, shape.half, shape.axes).corners)
 
 

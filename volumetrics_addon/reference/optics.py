@@ -10,7 +10,7 @@ from ..physics import phase as phase_functions
 from ..physics.transmittance import height_optical_depth
 from ..scene import geometry, noise
 from ..scene.model import (
-    AnyPhase, ExponentialAltitude, ExponentialHeight, Grid, MiePhase, NoiseShape, Projector, RayleighPhase, Scene, Spot, Sun,
+    AnyPhase, ExponentialAltitude, ExponentialHeight, Grid, Hull, MiePhase, NoiseShape, Projector, RayleighPhase, Scene, Spot, Sun,
     Volume,
 )
 
@@ -25,7 +25,10 @@ def scale_of(scene: Scene) -> float:
     sizes = [1e-3]
     for item in (*scene.volumes, *scene.surfaces):
         shape = item.domain if isinstance(item, Volume) else item.shape
-        sizes.append(max(shape.half) if hasattr(shape, "half") else shape.length)
+        if isinstance(shape, Hull):
+            sizes.append(max(max(values) - min(values) for values in zip(*shape.corners)) / 2.0)
+        else:
+            sizes.append(max(shape.half) if hasattr(shape, "half") else shape.length)
     return max(sizes)
 
 

@@ -24,7 +24,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..scene import geometry
-from ..scene.model import ExponentialAltitude, ExponentialHeight, Grid, Projector, Scene, Spot, Sun, Volume
+from ..scene.model import ExponentialAltitude, ExponentialHeight, Grid, Hull, Projector, Scene, Spot, Sun, Volume
 from . import optics, path_scene
 from .path_scene import ROULETTE_START, ROULETTE_THRESHOLD
 from .result import Accumulator, Progress, Result, subpixels
@@ -42,6 +42,8 @@ BATCH_SECONDS = 0.25  # of compiled work between two looks at progress and inter
 
 def applies(scene: Scene) -> str:
     """Empty when the integrator can render the scene, otherwise the reason why not."""
+    if any(isinstance(volume.domain, Hull) for volume in scene.volumes):
+        return "a medium of the scene fills a polyhedron"
     return "the scene refracts" if scene.is_dielectric else ""
 
 

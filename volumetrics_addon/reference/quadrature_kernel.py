@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from ..scene import geometry
-from ..scene.model import ExponentialHeight, Homogeneous, Point, Projector, Scene, Spot
+from ..scene.model import ExponentialHeight, Homogeneous, Hull, Point, Projector, Scene, Spot
 from .path_kernel import (
     along, arriving, compiled, dot, interval, mean_over_height, minus, nappe_interval, phase_value, scaled, times, vector,
 )
@@ -30,7 +30,8 @@ CHUNK = 256  # rays or intervals of one work item
 
 def supports(scene: Scene) -> bool:
     """Whether all optical depths of the scene are closed forms here and all lights are known."""
-    return (all(isinstance(v.medium.density, (Homogeneous, ExponentialHeight)) for v in scene.volumes)
+    return (all(isinstance(v.medium.density, (Homogeneous, ExponentialHeight)) and not isinstance(v.domain, Hull)
+                for v in scene.volumes)
             and len(scene.volumes) <= MAX_VOLUMES and not any(isinstance(light, Projector) for light in scene.lights))
 
 

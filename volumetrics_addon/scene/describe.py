@@ -16,7 +16,7 @@ from .body import Body
 from .families.air import PER_KILOMETRE
 from .model import (
     Box, Camera, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase,
-    RayleighPhase, Scene, Volume,
+    Projector, RayleighPhase, Scene, Volume,
 )
 
 GREY = 1e-9  # relative difference of the extinction between channels that counts as none
@@ -44,8 +44,8 @@ def describe(volume: Volume) -> tuple[str, dict[str, Any]]:
 def describe_scene(scene: Scene) -> list[Body]:
     """What the engines have to show. Raises ValueError with the reason when they cannot show the scene."""
     for light in scene.lights:
-        if type(light).__name__ == "Projector":
-            raise ValueError("the engines' lights carry no frustum and no gobo image; use a spot with blockers")
+        if isinstance(light, Projector) and max(light.ambient) > 0.0:
+            raise ValueError(f"the engines' lights have no ambient term, got {light.ambient}; set it to 0")
     layers = _fog_layers(scene.volumes)
     air = [volume for volume in scene.volumes if isinstance(volume.medium.density, ExponentialAltitude)]
     bodies = [body(*describe(volume), (volume,)) for volume in scene.volumes if volume not in air and volume not in sum(layers, ())]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .model import Box, Camera, Cone, Ellipsoid, Shape, Surface, look_frame, scaled
+from .model import Box, Camera, Cone, Ellipsoid, Hull, Shape, Surface, look_frame, scaled
 
 Array = np.ndarray
 
@@ -56,6 +56,12 @@ def interval(shape: Shape, origin: Array, direction: Array) -> tuple[Array, Arra
             return _sphere_interval(p / half, d / half)
         case Cone():
             return _cone_interval(shape, origin, direction)
+        case Hull():
+            near, far = np.full(len(direction), -np.inf), np.full(len(direction), np.inf)
+            for point, outward in shape.planes:
+                low, high = half_line((np.array(point) - origin) @ np.array(outward), direction @ -np.array(outward))
+                near, far = np.maximum(near, low), np.minimum(far, high)
+            return near, far
     raise TypeError(f"{shape!r} is not a shape of the Scene")
 
 
@@ -137,6 +143,8 @@ def lowest(shape: Shape) -> float:
             radius = shape.length * np.tan(shape.half_angle)
             rim = shape.apex[2] + shape.length * shape.axis[2] - radius * np.sqrt(max(0.0, 1.0 - shape.axis[2] ** 2))
             return float(min(shape.apex[2], rim))
+        case Hull():
+            return min(corner[2] for corner in shape.corners)
     raise TypeError(f"{shape!r} is not a shape of the Scene")
 
 
@@ -275,4 +283,6 @@ def contains(shape: Shape, position: Array) -> Array:
             offset = position - np.array(shape.apex)
             height = offset @ np.array(shape.axis)
             return (height >= np.linalg.norm(offset, axis=1) * np.cos(shape.half_angle)) & (height <= shape.length)
+        case Hull():
+            return np.all([(position - np.array(point)) @ np.array(outward) <= 0.0 for point, outward in shape.planes], axis=0)
     raise TypeError(f"{shape!r} is not a shape of the Scene")

@@ -93,7 +93,37 @@ class Cone:
     length: float
 
 
-Shape = Box | Ellipsoid | Cone
+@dataclass(frozen=True)
+class Hull:
+    """Convex polyhedron: ``corners``, and ``faces`` as indices of corners, counterclockwise seen from outside."""
+
+    corners: tuple[Vector, ...]
+    faces: tuple[tuple[int, ...], ...]
+
+    @property
+    def planes(self) -> tuple[tuple[Vector, Vector], ...]:
+        """A point and the unit outward normal of each face, by Newell's sum: the face's corners need not be exactly in a plane."""
+        result = []
+        for face in self.faces:
+            points = [self.corners[index] for index in face]
+            total = (0.0, 0.0, 0.0)
+            for a, b in zip(points, points[1:] + points[:1]):
+                total = add(total, cross(subtract(a, points[0]), subtract(b, points[0])))
+            result.append((points[0], normalized(total)))
+        return tuple(result)
+
+
+def swept(first: tuple[Vector, ...], last: tuple[Vector, ...]) -> Hull:
+    """The hull between two convex polygons of equally many corners, both counterclockwise seen from the side of ``last``.
+
+    The polygons lie in planes and corresponding sides are parallel: prisms, skewed ones too, and frusta.
+    """
+    n = len(first)
+    sides = [(i, (i + 1) % n, n + (i + 1) % n, n + i) for i in range(n)]
+    return Hull((*first, *last), (tuple(reversed(range(n))), *sides, tuple(range(n, 2 * n))))
+
+
+Shape = Box | Ellipsoid | Cone | Hull
 
 
 # --- medium -------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from typing import Any
 from ..parameters.model import Group
 from .body import Body
 from .model import (
-    Box, Camera, Cone, Density, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Light, Medium, NoiseShape,
+    Box, Camera, Cone, Density, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light, Medium, NoiseShape,
     Point, Projector, Scene, Shape, Spot, Sun, Volume, scaled as times,
 )
 
@@ -64,6 +64,8 @@ def _shape(shape: Shape, factor: float) -> Shape:
             return replace(shape, center=times(shape.center, factor), half=times(shape.half, factor))
         case Cone():
             return replace(shape, apex=times(shape.apex, factor), length=shape.length * factor)
+        case Hull():
+            return Hull(tuple(times(corner, factor) for corner in shape.corners), shape.faces)
 
 
 def _volume(volume: Volume, factor: float) -> Volume:

@@ -5,30 +5,88 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from ..model import Box, Cone, Medium, Phase, Shape, Spot, Surface, Vector, Volume, add, look_frame, normalized, scaled, subtract
+from ..model import (
+    Box, Cone, Hull, Light, Medium, Phase, Projector, Shape, Spot, Surface, Vector, Volume, add, look_frame, normalized, scaled,
+    subtract, swept,
+)
 from .item import Bounds, Item, scattering
 
 # The haze cone is this much wider than the light's cone, so that the domain's faceted mantle stays in the dark.
 CONE_CLEARANCE = 1.03
+NEAREST = 1e-3  # share of its length at which the haze of a frustum begins, where it would begin in a point
+
+
+NEVER = 1e6  # m: a far end at the parameter's limit is none
+FALLOFF = {"quadratic": 2, "linear": 1, "constant": 0}
 
 
 def assemble(values: Mapping[str, Any], bounds: Bounds | None = None) -> Item:
+    """Lights, the haze that they light, and bars in their way. Raises ValueError where the values contradict one another."""
     apex, axis = values["location"], normalized(subtract(values["target"], values["location"]))
-    half_angle, length = math.radians(values["cone_angle"]) / 2, values["length"]
-    spot = Spot(apex, axis, scaled(values["color"], values["power"]), 2 * half_angle, values["blend"])
+    power, length = scaled(values["color"], values["power"]), values["length"]
     right, up, back = look_frame(axis)
+    near = 0.0
+    if values["light"] == "projector":
+        c, s = (f(math.radians(values["roll"])) for f in (math.cos, math.sin))
+        right, up = add(scaled(right, c), scaled(up, s)), add(scaled(right, -s), scaled(up, c))
+        near = values["near"]
+        if near >= min(length, values["far"]):
+            raise ValueError(f"near must be < length and far, got near {near:g} m, length {length:g} m and far {values['far']:g} m; "
+                             "let the haze reach farther")
+        first: Light = _projector(values, apex, axis, up, power)
+        slopes = tuple(math.tan(math.radians(values[name]) / 2) for name in ("horizontal_fov", "vertical_fov"))
+        half_angle = math.atan(max(slopes))
+    else:
+        half_angle = math.radians(values["cone_angle"]) / 2
+        first = Spot(apex, axis, power, 2 * half_angle, values["blend"])
+        slopes = (math.tan(half_angle),) * 2
+    steps = [values["spacing"] * (index - (values["count"] - 1) / 2) for index in range(values["count"])]
+    lights = [replace(first, position=add(apex, scaled(right, step))) for step in steps]
+
     wide = min(half_angle * CONE_CLEARANCE, math.radians(85.0))
     domain: Shape
-    if values["domain"] == "cone":
+    if values["domain"] == "box" or len(lights) > 1:
+        sides = (length * math.tan(wide),) * 2 if values["light"] == "spot" else tuple(length * CONE_CLEARANCE * slope for slope in slopes)
+        middle = add(apex, scaled(axis, (near + length) / 2))
+        domain = Box(middle, (sides[0] + max(steps), sides[1], (length - near) / 2), (right, up, back))
+    elif values["light"] == "spot" or (values["frustum"] == "elliptic" and slopes[0] == slopes[1] and near == 0.0):
         domain = Cone(apex, axis, wide, length)
     else:
-        radius = length * math.tan(wide)
-        domain = Box(add(apex, scaled(axis, length / 2)), (radius, radius, length / 2), (right, up, back))
+        domain = _frustum(apex, (right, up, axis), tuple(CONE_CLEARANCE * slope for slope in slopes), near or NEAREST * length, length)
     sigma_s, sigma_a = scattering(values)
     volume = Volume(domain, Medium(sigma_s, sigma_a, Phase(values["g"])))
-    return Item([volume], [spot], [Surface(box, (0.0, 0.0, 0.0)) for box in _blockers(values, apex, axis, half_angle)])
+    return Item([volume], lights, [Surface(box, (0.0, 0.0, 0.0)) for box in _blockers(values, apex, axis, half_angle)])
+
+
+def _frustum(apex: Vector, axes: tuple[Vector, Vector, Vector], slopes: tuple[float, ...], near: float, far: float) -> Hull:
+    """The part of a pyramid between two distances along the last of its axes (right, up, forward)."""
+    right, up, forward = axes
+
+    def rectangle(distance: float) -> tuple[Vector, ...]:
+        middle = add(apex, scaled(forward, distance))
+        return tuple(add(middle, add(scaled(right, x * slopes[0] * distance), scaled(up, y * slopes[1] * distance)))
+                     for x, y in ((-1, -1), (-1, 1), (1, 1), (1, -1)))
+
+    return swept(rectangle(near), rectangle(far))
+
+
+def _projector(values: Mapping[str, Any], apex: Vector, axis: Vector, up: Vector, power: Vector) -> Projector:
+    horizontal, vertical = math.radians(values["horizontal_fov"]), math.radians(values["vertical_fov"])
+    image = None
+    if values["gobo"] != "none":
+        from ..gobo import picture  # numpy, only where there is something to draw
+
+        x, y, _ = scaled(values["gobo_drift"], -values["gobo_time"])
+        image = picture(values["gobo"], aspect=math.tan(horizontal / 2) / math.tan(vertical / 2),
+                        resolution=values["gobo_resolution"], count=values["gobo_count"], softness=values["gobo_softness"],
+                        scale=values["gobo_scale"], rotation=math.radians(values["gobo_rotation"]), drift=(x, y),
+                        time=values["gobo_time"], seed=values["gobo_seed"])
+    far = values["far"] if values["far"] < NEVER else math.inf
+    return Projector(apex, axis, up, power, horizontal, vertical, values["near"], far, FALLOFF[values["falloff"]],
+                     values["blend"], values["frustum"] == "elliptic", image)
 
 
 def _blockers(values: Mapping[str, Any], apex: Vector, axis: Vector, half_angle: float) -> list[Box]:

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Projectors in both engines against single scattering by quadrature; EEVEE's bound is the error measured plus a margin."""
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from volumetrics_addon import verify  # noqa: E402
+from volumetrics_addon.cli.doctor import checks  # noqa: E402
+from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
+from volumetrics_addon.parameters.preset import Preset  # noqa: E402
+from volumetrics_addon.parameters.stage import STAGE  # noqa: E402
+
+BEAM = {"light": "projector", "location": [0, 0, 6], "target": [0, 0, 0], "length": 6.0, "extinction": 0.1, "blocker": "none",
+        "horizontal_fov": 50.0, "vertical_fov": 30.0}
+STAGED = {"camera_location": [1, -9, 2.5], "camera_target": [0, 0, 1.6], "field_of_view": 16}
+VARIANTS = {
+    "plain": {}, "hard": {"blend": 0.0, "roll": 30.0}, "elliptic": {"frustum": "elliptic"}, "linear": {"falloff": "linear"},
+    "constant": {"falloff": "constant"}, "near-far": {"near": 1.0, "far": 4.0, "domain": "box"},
+    "window": {"gobo": "window", "gobo_resolution": 32}, "glass": {"gobo": "stained_glass", "gobo_resolution": 32},
+    "count": {"count": 2},
+}
+
+
+def measured(changes, engine, samples):
+    preset = Preset("test", "godray", "Test", "", FAMILIES["godray"].check(BEAM | changes), STAGE.check(STAGED))
+    return verify.verify(preset, engine, 16, samples, repeats=4, reference_samples=4).comparison
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_cycles_equals_the_reference(name):
+    comparison = measured(VARIANTS[name], "cycles", 256)
+    assert abs(comparison.mean_relative_error) <= 0.005 and comparison.z_pass_fraction >= 0.9975
+
+
+@pytest.mark.skipif(not all(c.ok for c in checks() if c.name == "EEVEE"), reason="no EGL on this machine")
+@pytest.mark.parametrize("name", ["plain", "glass"])
+def test_eevee_masks_the_light(name):
+    assert abs(measured(VARIANTS[name], "eevee", 64).mean_relative_error) < 0.03  # -1.5 % and -1.8 %

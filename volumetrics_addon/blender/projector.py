@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A projector in the engines.
+
+Cycles evaluates nodes of a light: a spot whose cone holds the frustum is multiplied by the frustum's mask and the gobo, looked up
+by the direction from the light. EEVEE ignores nodes of lights; there a plane stands close before the light and lets through
+what the same mask lets through. EEVEE's shadows know how much passes, not which colour: a coloured gobo becomes three lights
+of one channel each, whose masks block that light alone (shadow linking). What EEVEE cannot do: a falloff other than the
+square, and a near or far end other than that of the haze.
+"""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+
+from ..plan.model import CYCLES, EEVEE
+from ..scene.model import Box, Projector, Spot, Vector, add as plus, cross, normalized, scaled
+from . import compat, objects
+from .nodes import Tree, arrange, socket_of
+
+MASK_DISTANCE = 0.02  # of the light's reach: beyond EEVEE's nearest shadow caster (see plan.rules.light_threshold)
+CONE_MARGIN = math.radians(0.5)  # by which the spot's cone is wider than the corners of the frustum
+CHANNELS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def axes(light: Projector) -> tuple[Vector, Vector, Vector]:
+    """(right, up, back) of the frustum, orthonormal."""
+    right = normalized(cross(light.direction, light.up))
+    return right, cross(right, light.direction), scaled(light.direction, -1.0)
+
+
+def slopes(light: Projector) -> tuple[float, float]:
+    return math.tan(light.horizontal_fov / 2.0), math.tan(light.vertical_fov / 2.0)
+
+
+def cone_angle(light: Projector) -> float:
+    """Full angle of the narrowest cone around the frustum, with a margin."""
+    wide, high = slopes(light)
+    return 2.0 * (math.atan(max(wide, high) if light.elliptic else math.hypot(wide, high)) + CONE_MARGIN)
+
+
+def is_colored(light: Projector) -> bool:
+    """Whether the gobo passes its colours unequally."""
+    return light.gobo is not None and light.gobo.ndim == 3 and bool((light.gobo != light.gobo[..., :1]).any())
+
+
+def add(light: Projector, name: str, collection: bpy.types.Collection, engine: str | None = None, reach: float = 0.0) -> None:
+    """The projector for one engine, or for both where ``engine`` is None. Its mask stands at a share of ``reach`` (m)."""
+    image = picture(light, f"{name} gobo") if light.gobo is not None else None
+    apart = engine != CYCLES and is_colored(light)
+    powers = [tuple(p * c for p, c in zip(light.power, channel)) for channel in CHANNELS] if apart else [light.power]
+    lamps, masks = [], []
+    for index, power in enumerate(powers):
+        part = f"{name} {'RGB'[index]}" if apart else name
+        lamp = objects.light(Spot(light.position, light.direction, power, cone_angle(light), 0.0), part, collection, axes(light))
+        lamps.append(lamp)
+        if engine != EEVEE:
+            _light_nodes(lamp.data, light, image)
+        if engine != CYCLES:
+            masks.append(_mask(light, image, index, part, collection, reach))
+    if apart:
+        for lamp in lamps:
+            others = bpy.data.collections.new(f"{lamp.name} passes")
+            for mask, owner in zip(masks, lamps):
+                if owner is not lamp:
+                    others.objects.link(mask)
+            for entry in others.collection_objects:
+                entry.light_linking.link_state = "EXCLUDE"
+            lamp.light_linking.blocker_collection = others
+
+
+def picture(light: Projector, name: str) -> bpy.types.Image:
+    """The gobo as a linear image packed into the file."""
+    gobo = light.gobo if light.gobo.ndim == 3 else np.repeat(light.gobo[..., None], 3, axis=2)
+    pixels = np.ones((*gobo.shape[:2], 4), np.float32)
+    pixels[..., :3] = gobo[::-1]
+    result = bpy.data.images.new(name, gobo.shape[1], gobo.shape[0], alpha=False, float_buffer=True, is_data=True)
+    result.pixels.foreach_set(pixels.ravel())
+    result.update()
+    result.pack()
+    return result
+
+
+def transmission(build: Tree, light: Projector, image: bpy.types.Image | None, direction: bpy.types.NodeSocket) -> tuple:
+    """The frustum's soft edge (a number), and the gobo's colour or None, along a direction in the light's frame."""
+    wide, high = slopes(light)
+    x, y, z = build.components(direction)
+    ahead = build.math("MAXIMUM", build.math("MULTIPLY", z, -1.0), 1e-9)
+    u = build.math("DIVIDE", x, build.math("MULTIPLY", ahead, wide))
+    v = build.math("DIVIDE", y, build.math("MULTIPLY", ahead, high))
+    if light.elliptic:
+        radius = build.scalar("LENGTH", build.combine(u, v, 0.0))
+    else:
+        radius = build.math("MAXIMUM", build.math("ABSOLUTE", u), build.math("ABSOLUTE", v))
+    if light.blend > 0.0:
+        edge = build.node("ShaderNodeMapRange", {"Value": build.math("SUBTRACT", 1.0, radius), "From Min": 0.0,
+                                                 "From Max": light.blend}, interpolation_type="SMOOTHSTEP").outputs[0]
+    else:
+        edge = build.math("LESS_THAN", radius, 1.0)
+    if image is None:
+        return edge, None
+    place = build.combine(build.math("MULTIPLY_ADD", u, 0.5, 0.5), build.math("MULTIPLY_ADD", v, 0.5, 0.5), 0.0)
+    node = build.node("ShaderNodeTexImage", {"Vector": place}, image=image, interpolation="Linear", extension="EXTEND")
+    return edge, socket_of(node.outputs, "Color")
+
+
+def _light_nodes(data: bpy.types.Light, light: Projector, image: bpy.types.Image | None) -> None:
+    tree = compat.use_nodes(data)
+    tree.nodes.clear()
+    build = Tree(tree)
+    direction = socket_of(build.node("ShaderNodeTexCoord").outputs, "Normal")
+    strength, color = transmission(build, light, image, direction)
+    if light.near > 0.0 or math.isfinite(light.far):
+        way = socket_of(build.node("ShaderNodeLightPath").outputs, "Ray Length")
+        depth = build.math("MULTIPLY", way, build.math("MULTIPLY", build.components(direction)[2], -1.0))
+        if light.near > 0.0:
+            strength = build.math("MULTIPLY", strength, build.math("GREATER_THAN", depth, light.near))
+        if math.isfinite(light.far):
+            strength = build.math("MULTIPLY", strength, build.math("LESS_THAN", depth, light.far))
+    if light.falloff < 2:
+        falloff = build.node("ShaderNodeLightFalloff", {"Strength": strength})
+        strength = socket_of(falloff.outputs, {0: "Constant", 1: "Linear"}[light.falloff])
+    emission = build.node("ShaderNodeEmission", {"Color": color if color else (1.0, 1.0, 1.0, 1.0), "Strength": strength})
+    build.feed(build.node("ShaderNodeOutputLight").inputs[0], emission.outputs[0])
+    arrange(tree)
+
+
+def _mask(light: Projector, image: bpy.types.Image | None, channel: int, name: str, collection: bpy.types.Collection,
+          reach: float) -> bpy.types.Object:
+    """A plane before the light that lets through the mask in EEVEE's shadows; Cycles sees it as clear."""
+    distance = max(MASK_DISTANCE * reach, 1e-3)
+    half = 1.1 * distance * math.tan(cone_angle(light) / 2.0)
+    material = bpy.data.materials.new(f"{name} mask")
+    build = Tree(compat.use_nodes(material))
+    position = socket_of(build.node("ShaderNodeTexCoord").outputs, "Object")
+    passed, color = transmission(build, light, image, build.vector("ADD", position, (0.0, 0.0, -distance)))
+    if color:
+        passed = build.math("MULTIPLY", passed, build.node("ShaderNodeSeparateColor", {0: color}).outputs[channel])
+    opaque = build.node("ShaderNodeBsdfDiffuse", {"Color": (0.0, 0.0, 0.0, 1.0)})
+    clear = build.node("ShaderNodeBsdfTransparent", {"Color": (1.0, 1.0, 1.0, 1.0)})
+    mixed = build.node("ShaderNodeMixShader", {0: passed, 1: opaque.outputs[0], 2: clear.outputs[0]})
+    for target, shader in (("EEVEE", mixed), ("CYCLES", clear)):
+        build.feed(socket_of(build.node("ShaderNodeOutputMaterial", target=target).inputs, "Surface"), shader.outputs[0])
+    material.surface_render_method = "DITHERED"
+    arrange(build.tree)
+    plane = Box(plus(light.position, scaled(light.direction, distance)), (half, half, 0.0), axes(light))
+    result = objects.body(plane, f"{name} mask", material, collection)
+    for ray in ("camera", "diffuse", "glossy", "transmission", "volume_scatter"):
+        setattr(result, f"visible_{ray}", False)
+    return result

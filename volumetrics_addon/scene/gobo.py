@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures that stand in a projector's light, made by formula: the same pixels for the reference and for both engines.
+
+A picture is (rows, columns, 3), the share of the light that passes, row 0 at the top. With u, v in [-1, 1] as in
+physics.projector and ``aspect`` = width / height, its pattern is evaluated at
+
+    (x, y) = R(-rotation) (aspect u, v) / scale + drift,
+
+and averaged over ``OVERSAMPLING``^2 points of every pixel. Patterns go on without end, so any drift shows one.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from . import noise
+
+OVERSAMPLING = 4
+GLASS_PALETTE = np.array([[0.85, 0.06, 0.05], [0.06, 0.16, 0.85], [0.95, 0.62, 0.08], [0.07, 0.5, 0.16], [0.45, 0.09, 0.6],
+                          [0.9, 0.85, 0.6]])
+
+
+def picture(pattern: str, *, aspect: float, resolution: int, count: int, softness: float, scale: float = 1.0,
+            rotation: float = 0.0, drift: tuple[float, float] = (0.0, 0.0), time: float = 0.0, seed: int = 0) -> np.ndarray:
+    """The picture of ``pattern`` (see PATTERNS) with ``resolution`` pixels along its longer side.
+
+    ``count`` panes, slats, leaves or ripples lie across the height at scale 1; ``softness`` is the share of one of them over
+    which an edge fades. ``rotation`` in radians. Water also changes with ``time`` (s). Raises ValueError for an unknown pattern.
+    """
+    if pattern not in PATTERNS:
+        raise ValueError(f"there is no gobo {pattern!r}; choose one of {', '.join(PATTERNS)}")
+    columns, rows = (max(1, round(resolution * min(1.0, side))) for side in (aspect, 1.0 / aspect))
+    u = aspect * ((np.arange(columns * OVERSAMPLING) + 0.5) / (columns * OVERSAMPLING) * 2.0 - 1.0)
+    v = 1.0 - (np.arange(rows * OVERSAMPLING) + 0.5) / (rows * OVERSAMPLING) * 2.0
+    u, v = np.meshgrid(u, v)
+    c, s = math.cos(rotation), math.sin(rotation)
+    x, y = (c * u + s * v) / scale + drift[0], (c * v - s * u) / scale + drift[1]
+    value = PATTERNS[pattern](x * count / 2.0, y * count / 2.0, max(softness, 1e-6), seed, time)
+    value = value if value.ndim == 3 else np.repeat(value[..., None], 3, axis=2)
+    return value.reshape(rows, OVERSAMPLING, columns, OVERSAMPLING, 3).mean(axis=(1, 3))
+
+
+def _ramp(x: np.ndarray, softness: float) -> np.ndarray:
+    """Smooth step from 0 to 1 around 0, ``softness`` wide."""
+    t = np.clip(x / softness + 0.5, 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def _pane(x: np.ndarray, half: float, softness: float) -> np.ndarray:
+    """1 within ``half`` of the middle of each unit cell."""
+    return _ramp(half - np.abs(x - np.floor(x) - 0.5), softness)
+
+
+def _window(x, y, softness, seed, time):
+    return _pane(x, 0.42, softness) * _pane(y, 0.42, softness)
+
+
+def _blinds(x, y, softness, seed, time):
+    return _pane(y, 0.25, softness)
+
+
+def _noise(x, y, z, detail, seed):
+    offset = noise.seed_offset(seed)
+    return noise.fractal_noise(x + offset[0], y + offset[1], np.full(x.shape, z + offset[2]), detail, 0.5)
+
+
+def _leaves(x, y, softness, seed, time):
+    """Gaps in a canopy: where noise exceeds its median by a little."""
+    return _ramp(_noise(x, y, 0.1 * time, 2.0, seed) - 0.56, 0.25 * softness)
+
+
+def _water(x, y, softness, seed, time):
+    """Bright lines as the sun's caustics below waves: where two layers of noise cross their middle. The mean is near 1 / 2."""
+    lines = [np.abs(2.0 * _noise(x, y, 0.3 * time + 7.5 * layer, 0.0, seed + layer) - 1.0) for layer in range(2)]
+    width = 0.1 + 0.5 * softness
+    return np.clip(0.12 + sum(np.exp(-((line / width) ** 2)) for line in lines) / 2.0, 0.0, 1.0)
+
+
+def _stained_glass(x, y, softness, seed, time):
+    """Cells of coloured glass with lead between them."""
+    first, second, color = np.full(x.shape, np.inf), np.full(x.shape, np.inf), np.zeros((*x.shape, 3))
+    i, j = np.floor(x), np.floor(y)
+    for di in (-1, 0, 1):
+        for dj in (-1, 0, 1):
+            a, b = np.int64(i + di), np.int64(j + dj)
+            hashed = [_hash(a, b, seed, k) for k in range(3)]
+            distance = np.hypot(a + 0.2 + 0.6 * hashed[0] - x, b + 0.2 + 0.6 * hashed[1] - y)
+            nearer = distance < first
+            second = np.where(nearer, first, np.minimum(second, distance))
+            first = np.where(nearer, distance, first)
+            glass = GLASS_PALETTE[np.minimum((hashed[2] * len(GLASS_PALETTE)).astype(int), len(GLASS_PALETTE) - 1)]
+            color = np.where(nearer[..., None], glass, color)
+    return color * _ramp(second - first - 0.12, softness)[..., None]
+
+
+def _hash(a: np.ndarray, b: np.ndarray, seed: int, k: int) -> np.ndarray:
+    """A number in [0, 1) for each pair of whole numbers: the finaliser of MurmurHash3 (Appleby, public domain)."""
+    h = (a * 73856093 ^ b * 19349663 ^ (seed * 83492791 + k * 2654435)) & 0xFFFFFFFF
+    for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35)):
+        h = ((h ^ (h >> shift)) * factor) & 0xFFFFFFFF
+    return ((h ^ (h >> 16)) & 0xFFFFFFFF) / 2.0**32
+
+
+PATTERNS = {"window": _window, "blinds": _blinds, "leaves": _leaves, "water": _water, "stained_glass": _stained_glass}
