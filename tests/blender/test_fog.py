@@ -22,7 +22,7 @@ BLACK = {"albedo": [0.0] * 3, "margin": 10.0}
 def transmittance(values, height=2.0, engine="cycles"):
     """Of a level ray at this height, 10 m from the camera to the end of the box, before an environment of radiance 1."""
     fog = FAMILIES["fog"].check(BLACK | values)
-    stage = STAGE.check({"camera_location": [0, 0, height], "camera_target": [0, 1, height], "field_of_view": 0.5,
+    stage = STAGE.check({"camera_location": [0, 0, height], "camera_target": [0, 1, height], "field_of_view": 1.0,
                          "environment_radiance": 1.0})
     chosen = Preset("test", "fog", "Test", "", fog, stage)
     return np.mean(render.render(chosen, verify.scene_of(chosen), engine, 4, 4, 64).images)

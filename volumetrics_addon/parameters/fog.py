@@ -11,8 +11,8 @@ FOG = Group(
     (
         having(EXTINCTION, 0.03, soft_maximum=1.0,
                description="Extinction coefficient sigma_t at the base height."),
-        Parameter("visibility", "float", 0.0, "Distance at which a black object keeps 2 % of its contrast, at the base height "
-                  "(Koschmieder): extinction = 3.912 / visibility. Above 0 it takes the place of the extinction.",
+        Parameter("visibility", "float", 0.0, "Distance over which 2 % of the contrast is left at the base height: extinction = "
+                  "3.912 / visibility. Where it is above 0 it counts instead of the extinction.",
                   unit="m", minimum=0.0, maximum=1e7, soft_maximum=2e4, live=True),
         Parameter("profile", "choice", "exponential", "How the extinction goes with height: falling exponentially, or constant up to "
                   "a height.", choices=(("exponential", "Exponential"), ("slab", "Slab"))),

@@ -31,7 +31,7 @@ GODRAY = Group(
         Parameter("near", "float", 0.0, "Where the light and its haze begin, along the beam.", unit="m", minimum=0.0, maximum=1e5,
                   soft_maximum=100.0, when=PROJECTOR),
         Parameter("far", "float", 1e6, "Where the light ends, along the beam. EEVEE knows the end of the haze alone.", unit="m",
-                  minimum=1e-2, maximum=1e6, soft_maximum=1e3, when=PROJECTOR),
+                  minimum=1e-2, maximum=1e6, when=PROJECTOR),
         Parameter("falloff", "choice", "quadratic", "How the light falls with the distance; all are equal at one metre. EEVEE knows "
                   "the quadratic one alone.", choices=(("quadratic", "Quadratic"), ("linear", "Linear"), ("constant", "Constant")),
                   when=PROJECTOR),
@@ -46,7 +46,7 @@ GODRAY = Group(
         Parameter("gobo_rotation", "float", 0.0, "Rotation of the pattern in the beam.", unit="deg", minimum=-360.0,
                   maximum=360.0, when=GOBO),
         Parameter("gobo_drift", "vector", (0.0, 0.0, 0.0), "Speed of the pattern to the right and up, in half heights of the "
-                  "picture a second; the third number has no effect.", minimum=-100.0, maximum=100.0, when=GOBO),
+                  "picture; the third number has no effect.", unit="1/s", minimum=-100.0, maximum=100.0, when=GOBO),
         Parameter("gobo_time", "float", 0.0, "Moment at which the drifting pattern is shown.", unit="s", minimum=-1e6, maximum=1e6,
                   when=GOBO),
         Parameter("gobo_seed", "int", 0, "Another number makes another picture of leaves, water or glass.", minimum=0,
