@@ -265,7 +265,7 @@ def test_verify_states_the_error_and_writes_the_evidence(tmp_path, capsys):
     assert width > 3 * 300 and height > 300
 
     assert main(["table", "presets", "--from", str(tmp_path)]) == USAGE  # the other results are missing
-    assert "cirrus-cycles.json" in capsys.readouterr().err
+    assert f"{names()[0]}-cycles.json" in capsys.readouterr().err
 
 
 def test_verify_fails_above_the_tolerance_and_still_writes(tmp_path, capsys):

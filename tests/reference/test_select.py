@@ -16,7 +16,7 @@ from volumetrics_addon.scene import assemble
 from volumetrics_addon.scene.model import Camera, Dielectric, Ellipsoid, Medium, Scene, Volume
 
 EXPECTED = {"cloud": {"path_tracing"}, "fog": {"single_scattering", "path_tracing"}, "godray": {"single_scattering"},
-            "glass": {"dielectric", "single_scattering"}, "air": {"sky_tables"}}
+            "glass": {"dielectric", "single_scattering"}, "air": {"sky_tables", "path_tracing"}}
 
 
 def scene_of(name):

@@ -8,7 +8,7 @@ import pytest
 from volumetrics_addon.parameters.families import FAMILIES
 from volumetrics_addon.parameters.preset import load, names
 from volumetrics_addon.scene import assemble
-from volumetrics_addon.scene.model import Box, Cone, Ellipsoid, ExponentialHeight, Scene, Spot
+from volumetrics_addon.scene.model import Box, Cone, Ellipsoid, ExponentialHeight, Hull, Scene, Spot
 
 
 def test_glass_reaches_its_colour_at_its_distance():
@@ -78,4 +78,4 @@ def test_every_preset_becomes_a_scene():
         scene = assemble.scene(preset.family, preset.parameters, preset.stage, preset.props)
         assert isinstance(scene, Scene) and scene.volumes
         shapes |= {type(volume.domain) for volume in scene.volumes}
-    assert shapes == {Box, Ellipsoid, Cone}
+    assert shapes == {Box, Ellipsoid, Cone, Hull}

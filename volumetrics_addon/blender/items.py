@@ -30,7 +30,7 @@ KEY = "volumetrics"
 TAG = "volumetrics_item"
 BAKE_SAMPLES = 32  # paths of each voxel: seconds, also with NumPy alone
 # In the order of use: objects free meshes, and those geometry nodes, which free materials, and those shader nodes.
-_OWNED = ("objects", "meshes", "lights", "node_groups", "materials", "node_groups", "images", "collections")
+_OWNED = ("objects", "collections", "objects", "meshes", "lights", "node_groups", "materials", "node_groups", "images")
 
 
 def items(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
