@@ -19,13 +19,13 @@ from volumetrics_addon.scene.describe import describe_scene  # noqa: E402
 BLACK = {"albedo": [0.0] * 3, "margin": 10.0}
 
 
-def transmittance(values, height=2.0, engine="cycles"):
+def transmittance(values, height=2.0):
     """Of a level ray at this height, 10 m from the camera to the end of the box, before an environment of radiance 1."""
     fog = FAMILIES["fog"].check(BLACK | values)
     stage = STAGE.check({"camera_location": [0, 0, height], "camera_target": [0, 1, height], "field_of_view": 1.0,
                          "environment_radiance": 1.0})
     chosen = Preset("test", "fog", "Test", "", fog, stage)
-    return np.mean(render.render(chosen, verify.scene_of(chosen), engine, 4, 4, 64).images)
+    return np.mean(render.render(chosen, verify.scene_of(chosen), "cycles", 4, 4, 64).images)
 
 
 def test_visibility_leaves_two_per_cent_of_the_contrast():
@@ -63,7 +63,7 @@ def test_two_layers_are_one_body_and_come_back():
 
 
 def test_visibility_is_live():
-    """A socket, so that it can be keyframed; 0 gives the extinction back."""
+    """A socket, so that it can be keyframed; one tree serves both the extinction and the visibility of the cases above."""
     scene = bpy.data.scenes.new("user")
     scene.collection.objects.link(bpy.data.objects.new("camera", bpy.data.cameras.new("camera")))
     item = items.add_item(scene, "fog", FAMILIES["fog"].check({"visibility": 50.0}), "Fog")

@@ -61,6 +61,21 @@ def test_a_straight_shell_is_beer_lambert_over_its_wall():
     np.testing.assert_allclose(image, expected, rtol=5e-3)
 
 
+@pytest.mark.parametrize("angle", [0.0, 40.0, 70.0])
+def test_a_plate_under_uniform_light(angle):
+    """All light that leaves a plate towards the camera, reflected and transmitted: r + (1 - r)^2 t / (1 - r t), by the angle."""
+    color, thickness, n = np.array([0.2, 0.5, 0.9]), 0.5, 1.5
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    chosen = Preset("test", "glass", "Test", "", FAMILIES["glass"].check(
+        {"location": [0, 0, 0], "size": [60.0, thickness, 60.0], "shape": "block", "color": list(color), "distance": 1.0, "ior": n}),
+        STAGE.check({"camera_location": [-10 * s, -10 * c, 0], "camera_target": [0, 0, 0], "field_of_view": 1.0,
+                     "environment_radiance": 1.0}))
+    image = render.render(chosen, verify.scene_of(chosen), "cycles", 4, 4, 256).images.mean(axis=(0, 1, 2))
+    r = reflectance(c, n)
+    t = color ** (thickness / math.sqrt(1.0 - (s / n) ** 2))
+    np.testing.assert_allclose(image, r + (1.0 - r) ** 2 * t / (1.0 - r * t), rtol=5e-3)
+
+
 @pytest.mark.parametrize("engine, shape, bound", [("cycles", "sphere", 0.002), ("cycles", "shell", 0.002),
                                                   pytest.param("eevee", "sphere", 0.01, marks=needs_eevee)])
 def test_a_picture_scales_with_its_distance(shape, engine, bound):

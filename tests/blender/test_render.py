@@ -133,8 +133,8 @@ MULTIPLE, SINGLE = 0.005, 0.001
 THICK = {"congestus", "storm", "stratus", "stratocumulus"}
 # Their references take half a minute and more: fine gobos, layers of fog among many bodies, air with bodies in it. In water that
 # scatters forward a sun is noisy.
-SLOW = {"underwater-shafts", "forest-shafts", "cathedral-window", "stadium", "two-layer", "city-haze", "light-haze", "amber-bottle", "underwater",
-        "high-altitude", "mars"}
+SLOW = {"underwater-shafts", "forest-shafts", "cathedral-window", "stadium", "two-layer", "city-haze", "light-haze", "amber-bottle",
+        "underwater", "high-altitude", "mars"}
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.sweep) if n in THICK | SLOW else n for n in names()])

@@ -81,7 +81,7 @@ def test_participation_raises_and_never_lowers():
 
 # Processor time of a camera path in microseconds, as nodes and as voxels of 128 along the longest side, and of baking in
 # seconds, measured on Blender 5.2 with two cores; a few presets of every kind.
-MEASURED = {"cirrus": (5.6, 5.9, 0.92), "congestus": (2441.0, 119.8, 2.2), "cumulus": (1482.4, 79.4, 0.86),
+MEASURED = {"cirrus": (5.6, 5.9, 0.55), "congestus": (2441.0, 119.8, 2.2), "cumulus": (1482.4, 79.4, 0.86),
             "ember-smoke": (2.1, 15.7, 0.87), "mist-bank": (9.4, 15.7, 0.11), "storm": (3565.7, 581.8, 1.96),
             "stratus": (66.9, 85.9, 0.1)}
 
@@ -94,7 +94,7 @@ def test_the_estimated_costs_tell_nodes_from_voxels():
         assert 0.35 < ratio / (nodes / voxels) < 2.7, (name, ratio)
         if not 0.6 < nodes / voxels < 1.6:  # else it does not matter
             assert (ratio > 1.0) == (nodes > voxels)
-        assert 0.05 < costs["voxels"].once / baking < 2.0
+        assert 0.3 < costs["voxels"].once / baking < 2.0
 
 
 def test_the_representation_follows_the_number_of_paths():
@@ -118,8 +118,7 @@ def test_the_plan_says_why_it_takes_nodes():
 
 
 def test_a_long_path_through_more_of_a_cloud_costs_more():
-    thin, thick = (scene_of("cumulus", orders=64).volumes[0] for _ in range(2))
-    medium = replace(thick.medium, sigma_s=tuple(4.0 * s for s in thick.medium.sigma_s))
-    thick = replace(thick, medium=medium)
+    thin, = scene_of("cumulus").volumes
+    thick = replace(thin, medium=replace(thin.medium, sigma_s=tuple(4.0 * s for s in thin.medium.sigma_s)))
     for name in ("nodes", "voxels"):
-        assert representation_costs(thick, 128)[name].path >= representation_costs(thin, 128)[name].path
+        assert representation_costs(thick, 128)[name].path > representation_costs(thin, 128)[name].path

@@ -29,7 +29,8 @@ from . import build, compat, extract, fields, grid, groups, light, objects, sett
 KEY = "volumetrics"
 TAG = "volumetrics_item"
 BAKE_SAMPLES = 32  # paths of each voxel: seconds, also with NumPy alone
-# In the order of use: objects free meshes, and those geometry nodes, which free materials, and those shader nodes.
+# In the order of use: lights free the collections of what they shadow, which hold objects; those free meshes, and those geometry
+# nodes, which free materials, and those shader nodes.
 _OWNED = ("objects", "collections", "objects", "meshes", "lights", "node_groups", "materials", "node_groups", "images")
 
 

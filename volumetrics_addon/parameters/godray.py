@@ -45,8 +45,10 @@ GODRAY = Group(
         Parameter("gobo_scale", "float", 1.0, "Size of the pattern.", minimum=0.01, maximum=100.0, soft_maximum=10.0, when=GOBO),
         Parameter("gobo_rotation", "float", 0.0, "Rotation of the pattern in the beam.", unit="deg", minimum=-360.0,
                   maximum=360.0, when=GOBO),
-        Parameter("gobo_drift", "vector", (0.0, 0.0, 0.0), "Speed of the pattern to the right and up, in half heights of the "
-                  "picture; the third number has no effect.", unit="1/s", minimum=-100.0, maximum=100.0, when=GOBO),
+        Parameter("gobo_drift_right", "float", 0.0, "Speed of the pattern to the right, in half heights of the picture.",
+                  unit="1/s", minimum=-100.0, maximum=100.0, when=GOBO),
+        Parameter("gobo_drift_up", "float", 0.0, "Speed of the pattern upwards, in half heights of the picture.",
+                  unit="1/s", minimum=-100.0, maximum=100.0, when=GOBO),
         Parameter("gobo_time", "float", 0.0, "Moment at which the drifting pattern is shown.", unit="s", minimum=-1e6, maximum=1e6,
                   when=GOBO),
         Parameter("gobo_seed", "int", 0, "Another number makes another picture of leaves, water or glass.", minimum=0,

@@ -40,11 +40,11 @@ NOISE_DEPTH = 0.5
 # half the samples. The depth of a medium of vertical depth 0.1 comes out 0.1 % (grazing) to 1.4 % (steep) low with steps of 3 of
 # its scale heights, 0.01 % to 0.2 % with 1.
 AIR_STEP, AIR_DEPTH = 2.0, 0.1
-# Seconds of one core for a lookup of voxels in a step, the same for noise in lookups, and seconds to bake a voxel: Perlin noise
-# as a whole and each octave of cells. Scattering events of a path: the optical depth across the domain, of which noise fills
-# a quarter, and at most so many beyond the first.
+# Seconds of one core for a lookup of voxels in a step, the same for noise in lookups, and seconds to bake: a voxel of Perlin noise
+# as a whole, each octave of cells, and whatever their number. Scattering events of a path: the optical depth across the domain,
+# of which noise fills a quarter, and at most so many beyond the first.
 LOOKUP, PERLIN_LOOKUPS, BILLOW_LOOKUPS = 5e-8, 3.5, 4.0
-BAKED_VOXEL, BAKED_BILLOW = 4.5e-7, 2e-7
+BAKED_VOXEL, BAKED_BILLOW, BAKED_ONCE = 4.5e-7, 2e-7, 0.1
 FILLED, MOST_EVENTS = 0.25, 7.0
 LIGHT_LAYERS, MOST_LIGHT = 8, 128  # voxels of baked light across a domain's shortest side, and along its longest at most
 GLASS_BOUNCES = 64  # interfaces followed through refracting solids
@@ -107,7 +107,7 @@ def representation_costs(volume: Volume, resolution: int) -> dict[str, Cost]:
     count = math.prod(math.ceil(side / voxel) for side in size)
     lookup, evaluation = LOOKUP, LOOKUP * (PERLIN_LOOKUPS + BILLOW_LOOKUPS * billows)
     return {"nodes": Cost(0.0, evaluation * events * mean / _step(volume)),
-            "voxels": Cost(count * (BAKED_VOXEL + BAKED_BILLOW * billows), lookup * events * mean / voxel_step)}
+            "voxels": Cost(BAKED_ONCE + count * (BAKED_VOXEL + BAKED_BILLOW * billows), lookup * events * mean / voxel_step)}
 
 
 def is_baked(values: Mapping[str, Any], volume: Volume | None = None, engine: str = CYCLES, paths: float = 0.0) -> bool:

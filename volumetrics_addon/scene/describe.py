@@ -63,7 +63,7 @@ def _fog_layers(volumes: Sequence[Volume]) -> list[tuple[Volume, Volume]]:
     """Pairs of height fogs that are two layers of one: in one domain, above one base, with one albedo and phase function."""
     def shared(volume: Volume) -> tuple | None:
         medium = volume.medium
-        if volume.boundary is not None or not isinstance(medium.density, ExponentialHeight) or not medium.scatters:
+        if volume.boundary is not None or not isinstance(medium.density, ExponentialHeight) or min(medium.sigma_t) <= 0.0:
             return None
         albedo = tuple(round(s / t, 9) for s, t in zip(medium.sigma_s, medium.sigma_t))
         return volume.domain, medium.density.base_height, albedo, medium.phase

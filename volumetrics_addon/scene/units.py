@@ -70,8 +70,7 @@ def _shape(shape: Shape, factor: float) -> Shape:
 
 def _volume(volume: Volume, factor: float) -> Volume:
     medium = volume.medium
-    return replace(volume, domain=_shape(volume.domain, factor), cavity=volume.cavity and _shape(volume.cavity, factor),
-                   medium=Medium(
+    return replace(volume, domain=_shape(volume.domain, factor), cavity=volume.cavity and _shape(volume.cavity, factor), medium=Medium(
         times(medium.sigma_s, 1.0 / factor), times(medium.sigma_a, 1.0 / factor), medium.phase, _density(medium.density, factor)))
 
 

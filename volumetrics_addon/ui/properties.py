@@ -56,7 +56,7 @@ def _property(parameter: Parameter) -> Any:
     elif parameter.unit == "m":
         subtype = "XYZ_LENGTH" if parameter.name == "size" else "TRANSLATION"
     else:
-        subtype = SUBTYPES.get(parameter.unit, "XYZ")
+        subtype = SUBTYPES[parameter.unit]
     return bpy.props.FloatVectorProperty(**common, default=parameter.default, size=3, subtype=subtype)
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ...scene.families.fog import CONTRAST_DEPTH
+from ...parameters.fog import CONTRAST_DEPTH
 from ...scene.model import Shape
 from ..fields import Fields
 from ..nodes import Tree, socket_of
@@ -28,5 +28,5 @@ def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shap
 
     total = layer(at_base, "scale_height")
     if values["second_extinction"] > 0.0:
-        total = build.math("ADD", total, layer(inputs["second_extinction"], "second_scale_height"))
+        total = build.math("ADD", total, layer(values["second_extinction"], "second_scale_height"))
     return one_lobe(build, inputs["albedo"], total, inputs["g"])

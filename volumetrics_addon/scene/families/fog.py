@@ -7,15 +7,13 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from ...parameters.fog import CONTRAST_DEPTH
 from ..model import Box, Density, ExponentialHeight, Homogeneous, Medium, Phase, Volume, add, scaled, subtract
 from .item import Bounds, Item, scattering
 
-# -ln of the contrast that a black object keeps at the distance of the visibility: 2 %, Koschmieder 1924.
-CONTRAST_DEPTH = -math.log(0.02)
-
 
 def extinction(values: Mapping[str, Any]) -> float:
-    """Extinction (1/m) at the base: the parameter, or -ln(0.02) / visibility where there is a visibility."""
+    """Extinction (1/m) at the base: the parameter, or CONTRAST_DEPTH / visibility where there is a visibility."""
     return CONTRAST_DEPTH / values["visibility"] if values["visibility"] > 0.0 else values["extinction"]
 
 

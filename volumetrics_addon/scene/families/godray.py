@@ -79,10 +79,10 @@ def _projector(values: Mapping[str, Any], apex: Vector, axis: Vector, up: Vector
     if values["gobo"] != "none":
         from ..gobo import picture  # numpy, only where there is something to draw
 
-        x, y, _ = scaled(values["gobo_drift"], -values["gobo_time"])
+        drift = tuple(-values["gobo_time"] * values[f"gobo_drift_{way}"] for way in ("right", "up"))
         image = picture(values["gobo"], aspect=math.tan(horizontal / 2) / math.tan(vertical / 2),
                         resolution=values["gobo_resolution"], count=values["gobo_count"], softness=values["gobo_softness"],
-                        scale=values["gobo_scale"], rotation=math.radians(values["gobo_rotation"]), drift=(x, y),
+                        scale=values["gobo_scale"], rotation=math.radians(values["gobo_rotation"]), drift=drift,
                         time=values["gobo_time"], seed=values["gobo_seed"])
     far = values["far"] if values["far"] < NEVER else math.inf
     return Projector(apex, axis, up, power, horizontal, vertical, values["near"], far, FALLOFF[values["falloff"]],
