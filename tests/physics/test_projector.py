@@ -480,6 +480,14 @@ def test_broadcasting():
     assert projector.projector_interval(np.empty((0, 3)), ALONG_X, ORIGIN, DOWN, UP_Y, 1.0, 1.0).entry.shape == (0,)
 
 
+@pytest.mark.parametrize("falloff", [0, 1, 2])
+@pytest.mark.parametrize("sigma_t", [1e-90, 1e-3, 1.0])
+def test_a_beam_that_begins_behind_all_light_is_dark(sigma_t, falloff):
+    """A needle of 1e-200 rad reaches a ray beside it after 2e200 m, where any medium has swallowed it."""
+    ray = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]), INF
+    assert computed_airlight(ray, make_light(hfov=1e-200, falloff=falloff), 0.2 * sigma_t, sigma_t, isotropic).value == 0.0
+
+
 @settings(max_examples=150, deadline=None)
 @given(
     st.tuples(*[st.one_of(st.floats(-1e6, 1e6), st.sampled_from([0.0, 1e-310, 1e100, -1e-160, 1.0]))] * 3),

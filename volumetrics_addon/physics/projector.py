@@ -35,6 +35,8 @@ _EPSILON = float(np.finfo(np.float64).eps)
 _PARALLEL_ROUNDINGS = 8
 # So many metres from the light a ray has reached its vanishing point in the image.
 _FAR = 1e100
+# Beyond this optical depth from the light nothing is left of the strongest light that a float can hold.
+_BLACK_DEPTH = 1500.0
 # Rays are integrated in tiles of about so many integrand values.
 _TILE = 1 << 20
 
@@ -494,6 +496,7 @@ def _integrate(ray, light, phase, order, adaptive, rtol):
     lit = sum(emission(np.minimum(a, _FAR), None, index) for a in (start, middle, end)) > 0
     # From the light on the image does not change: what touches it is infinite there, or dark.
     wanted = lit & (~touching & (ray.strength > 0))[:, np.newaxis]
+    wanted &= airlight._times(ray.sigma_t[:, np.newaxis], np.maximum(breaks[:, :-1], 0.0)) <= _BLACK_DEPTH
     panels = airlight._panels(ray, breaks, wanted)
     if light.falloff < 2:
         index, _, end = panels
