@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from ...parameters.fog import CONTRAST_DEPTH
-from ..model import Box, Density, ExponentialHeight, Homogeneous, Medium, Phase, Volume, add, scaled, subtract
+from ...parameters.fog import CONTRAST_DEPTH, DEPTH_FOGS, FAR
+from ..model import Box, DepthFog, Density, ExponentialHeight, Homogeneous, Medium, Phase, Volume, add, scaled, subtract
 from .item import Bounds, Item, scattering
 
 
@@ -19,6 +20,11 @@ def extinction(values: Mapping[str, Any]) -> float:
 
 def assemble(values: Mapping[str, Any], bounds: Bounds | None) -> Item:
     """Box over the bounds plus the margin, from just below the base up to the top of the slab or the height of the cutoff density."""
+    if values["profile"] in DEPTH_FOGS:
+        if values["realisation"] == "volume":
+            raise ValueError(f"profile {values['profile']!r} knows the distance alone and has no volume; choose the compositor as "
+                             "realisation, or the profile 'exponential' or 'slab'")
+        return Item([])
     if bounds is None:
         raise ValueError("height fog is fitted to the scene; give the bounds of its objects and camera")
     margin, base = values["margin"], values["base_height"]
@@ -37,3 +43,18 @@ def assemble(values: Mapping[str, Any], bounds: Bounds | None) -> Item:
     box = Box(scaled(add(low, high), 0.5), scaled(subtract(high, low), 0.5))
     media = [Medium(*scattering({**values, "extinction": sigma}), Phase(values["g"]), density) for sigma, density in layers]
     return Item([Volume(box, medium) for medium in media])
+
+
+def is_composited(values: Mapping[str, Any]) -> bool:
+    """Whether the fog has to be made in the compositor: as chosen, or as no volume can show it."""
+    return values["realisation"] == "compositor" or values["profile"] in DEPTH_FOGS
+
+
+def depth_fog(values: Mapping[str, Any]) -> DepthFog:
+    """The fog as the compositor makes it. Raises ValueError where a linear fog ends before it starts."""
+    cutoff = values["cutoff_distance"] if values["cutoff_distance"] < FAR else math.inf
+    common = DepthFog(values["start"], cutoff, values["max_opacity"], values["sun_tint"])
+    if values["profile"] not in DEPTH_FOGS:
+        return common
+    return replace(common, falloff=values["profile"], end=values["end"], density=extinction(values), albedo=values["albedo"],
+                   g=values["g"], radiance=scaled(values["far_color"], values["far_radiance"]))
