@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Height fog: extinction that falls exponentially with height, or a slab of it, in a box fitted to scene and camera."""
+"""Height fog: extinction that falls exponentially with height, or a slab of it, in a box fitted to scene and camera; a
+local patch; or a fog by distance."""
 
 import math
 
 from .model import Group, Parameter
-from .shared import ALBEDO, EXTINCTION, G, having
+from .shared import ALBEDO, EXTINCTION, G, LOCATION, SIZE, having
 
 EXPONENTIAL = ("profile", "exponential")  # what has an effect beside what
 LAYERS = ("profile", "exponential", "slab")
+PATCH = ("profile", "patch")
 DEPTH_FOGS = ("linear", "exp", "exp2")
 DEPTH_FOG = ("profile", *DEPTH_FOGS)
 COMPOSITOR = ("realisation", "compositor", "automatic")
@@ -16,22 +18,34 @@ CONTRAST = 0.02  # that a black object keeps at the distance of the visibility: 
 CONTRAST_DEPTH = -math.log(CONTRAST)
 
 FOG = Group(
-    "fog", "Height fog", "Fog whose extinction falls exponentially with height above its base, or fills a slab.",
+    "fog", "Height fog", "Fog that thins with height, fills a slab or a patch, or hides by distance.",
     (
         having(EXTINCTION, 0.03, soft_maximum=1.0,
                description="Extinction coefficient sigma_t at the base height."),
         Parameter("visibility", "float", 0.0, f"Distance over which {CONTRAST:.0%} of the contrast is left at the base: extinction = "
                   f"{CONTRAST_DEPTH:.3f} / visibility. Where it is above 0 it counts instead of the extinction.",
                   unit="m", minimum=0.0, maximum=1e7, soft_maximum=2e4, live=True),
-        Parameter("profile", "choice", "exponential", "Extinction that falls exponentially with height, or is constant up to one; or a "
-                  "depth fog, which knows the distance alone.",
-                  choices=(("exponential", "Exponential"), ("slab", "Slab"), ("linear", "Depth, linear"),
+        Parameter("profile", "choice", "exponential", "Extinction that falls exponentially with height, or is constant up to one; a local "
+                  "patch; or a depth fog, which knows the distance alone.",
+                  choices=(("exponential", "Exponential"), ("slab", "Slab"), ("patch", "Patch"), ("linear", "Depth, linear"),
                            ("exp", "Depth, exponential"), ("exp2", "Depth, squared exponential"))),
         Parameter("realisation", "choice", "automatic", "A volume, or a pass of the compositor in closed form: no noise, no shafts. "
                   "Automatic: the compositor where it loses little, in your own scene a volume.",
                   choices=(("automatic", "Automatic"), ("volume", "Volume"), ("compositor", "Compositor"))),
         Parameter("slab_height", "float", 10.0, "Height of the slab above the base.",
                   unit="m", minimum=1e-2, maximum=1e5, soft_maximum=1e3, when=("profile", "slab")),
+        having(LOCATION, (0.0, 0.0, 1.5), description="Centre of the patch in world space.", when=PATCH),
+        having(SIZE, (20.0, 14.0, 3.0), description="Full size of the patch along x, y and z.", when=PATCH),
+        Parameter("edge", "float", 0.8, "Share of the patch over which its fog thins out; 1 is thickest in the middle alone.",
+                  minimum=0.01, maximum=4.0, soft_maximum=1.0, live=True, when=PATCH, title="Soft edge"),
+        Parameter("noise_strength", "float", 0.5, "How far noise carves wisps into the patch; 0 leaves it smooth.",
+                  minimum=0.0, maximum=4.0, soft_maximum=1.0, live=True, when=PATCH),
+        Parameter("noise_size", "float", 3.0, "Size of the largest wisps.",
+                  unit="m", minimum=1e-4, maximum=1e6, soft_minimum=0.01, soft_maximum=100.0, live=True, when=PATCH),
+        Parameter("wind", "vector", (0.0, 0.0, 0.0), "Speed at which the wisps drift through the patch.",
+                  unit="m/s", minimum=-1e3, maximum=1e3, live=True, when=PATCH),
+        Parameter("time", "float", 0.0, "Seconds that the wind has blown: keyframe it to let the fog drift.",
+                  unit="s", minimum=-1e6, maximum=1e6, soft_minimum=0.0, soft_maximum=600.0, live=True, when=PATCH),
         Parameter("scale_height", "float", 4.0, "Height over which the extinction falls to 1/e.",
                   unit="m", minimum=1e-3, maximum=1e5, soft_minimum=0.1, soft_maximum=1e3, live=True, when=EXPONENTIAL),
         Parameter("second_extinction", "float", 0.0, "Extinction of a second layer at the base height, such as thin haze above ground "
