@@ -11,6 +11,7 @@ A depth fog has no height: its transmittance T follows from the distance, and it
 from __future__ import annotations
 
 import sys
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -117,7 +118,8 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: i
                        random=max(scene.environment) > 0.0, progress=progress)
 
 
-def loss(scene: Scene, size: int = 16, strata: int = 2) -> float:
+@lru_cache(maxsize=64)
+def loss(scene: Scene, size: int = 12, strata: int = 1) -> float:
     """Bound on the share of the picture's mean that the closed form misses: by ``size``^2 pixels of both, their noise added.
 
     Infinite where the integrator does not apply.
