@@ -5,7 +5,8 @@ from .model import Group, Parameter
 from .shared import ALBEDO, EXTINCTION, G, LOCATION, having
 
 PROJECTOR = ("light", "projector")
-GOBO = ("gobo", "window", "blinds", "leaves", "water", "stained_glass")
+PATTERN = ("gobo", "window", "blinds", "leaves", "water", "stained_glass")
+GOBO = (*PATTERN, "image")
 
 GODRAY = Group(
     "godray", "Godray", "Spot light in haze with blockers that cut streaks.",
@@ -37,11 +38,13 @@ GODRAY = Group(
                   when=PROJECTOR),
         Parameter("gobo", "choice", "none", "Picture in the projector's light.",
                   choices=(("none", "None"), ("window", "Window"), ("blinds", "Blinds"), ("leaves", "Leaves"), ("water", "Water"),
-                           ("stained_glass", "Stained glass")), when=PROJECTOR),
+                           ("stained_glass", "Stained glass"), ("image", "Image file")), when=PROJECTOR),
+        Parameter("gobo_image", "path", "", "Picture file, which fills the frustum at scale 1 and repeats; what is transparent in it lets "
+                  "the light through.", maximum=1000, when=("gobo", "image"), title="Image file"),
         Parameter("gobo_count", "int", 4, "Panes, slats, leaves or ripples across the height of the picture.", minimum=1,
-                  maximum=64, when=GOBO),
+                  maximum=64, when=PATTERN),
         Parameter("gobo_softness", "float", 0.1, "Share of a pane, slat or leaf over which its edges fade.", minimum=0.0,
-                  maximum=1.0, when=GOBO),
+                  maximum=1.0, when=PATTERN),
         Parameter("gobo_scale", "float", 1.0, "Size of the pattern.", minimum=0.01, maximum=100.0, soft_maximum=10.0, when=GOBO),
         Parameter("gobo_rotation", "float", 0.0, "Rotation of the pattern in the beam.", unit="deg", minimum=-360.0,
                   maximum=360.0, when=GOBO),
@@ -52,7 +55,7 @@ GODRAY = Group(
         Parameter("gobo_time", "float", 0.0, "Moment at which the drifting pattern is shown.", unit="s", minimum=-1e6, maximum=1e6,
                   when=GOBO),
         Parameter("gobo_seed", "int", 0, "Another number makes another picture of leaves, water or glass.", minimum=0,
-                  maximum=9999, when=GOBO),
+                  maximum=9999, when=PATTERN),
         Parameter("gobo_resolution", "int", 64, "Pixels along the longer side of the picture.", minimum=2, maximum=512, when=GOBO),
         Parameter("count", "int", 1, "Lights side by side; several share a box of haze.", minimum=1, maximum=8),
         Parameter("spacing", "float", 1.4, "Distance from light to light.", unit="m", minimum=1e-3, maximum=1e4, soft_maximum=20.0),

@@ -31,15 +31,48 @@ def picture(pattern: str, *, aspect: float, resolution: int, count: int, softnes
     """
     if pattern not in PATTERNS:
         raise ValueError(f"there is no gobo {pattern!r}; choose one of {', '.join(PATTERNS)}")
+    x, y = _plane(aspect, resolution, scale, rotation, drift)
+    value = PATTERNS[pattern](x * count / 2.0, y * count / 2.0, max(softness, 1e-6), seed, time)
+    return _averaged(value if value.ndim == 3 else np.repeat(value[..., None], 3, axis=2))
+
+
+def resampled(pixels: np.ndarray, *, aspect: float, resolution: int, scale: float = 1.0, rotation: float = 0.0,
+              drift: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    """A picture of ``pixels`` (rows, columns, 3), which at scale 1 fill the frustum and repeat beyond it.
+
+    A pixel of the result is the mean of the given ones over its area, exactly so where the picture is not turned, scaled or
+    moved, and otherwise over ``OVERSAMPLING``^2 points. Arguments as for ``picture``.
+    """
+    x, y = _plane(aspect, resolution, scale, rotation, drift)
+    # As fine as the points of evaluation, so that none of a large file's pixels falls between them.
+    rows, columns = (max(1, min(round(count * scale), max(count, given))) for count, given in zip(x.shape, pixels.shape))
+    tile = np.einsum("ir,jc,rck->ijk", _area(pixels.shape[0], rows), _area(pixels.shape[1], columns), pixels, optimize=True)
+    column, row = (np.floor((place + 1.0) / 2.0 * count).astype(int) % count
+                   for place, count in ((x / aspect, columns), (-y, rows)))
+    return _averaged(tile[row, column])
+
+
+def _plane(aspect: float, resolution: int, scale: float, rotation: float, drift: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """The pattern's coordinates x and y at ``OVERSAMPLING``^2 points of every pixel."""
     columns, rows = (max(1, round(resolution * min(1.0, side))) for side in (aspect, 1.0 / aspect))
     u = aspect * ((np.arange(columns * OVERSAMPLING) + 0.5) / (columns * OVERSAMPLING) * 2.0 - 1.0)
     v = 1.0 - (np.arange(rows * OVERSAMPLING) + 0.5) / (rows * OVERSAMPLING) * 2.0
     u, v = np.meshgrid(u, v)
     c, s = math.cos(rotation), math.sin(rotation)
-    x, y = (c * u + s * v) / scale + drift[0], (c * v - s * u) / scale + drift[1]
-    value = PATTERNS[pattern](x * count / 2.0, y * count / 2.0, max(softness, 1e-6), seed, time)
-    value = value if value.ndim == 3 else np.repeat(value[..., None], 3, axis=2)
+    return (c * u + s * v) / scale + drift[0], (c * v - s * u) / scale + drift[1]
+
+
+def _averaged(value: np.ndarray) -> np.ndarray:
+    rows, columns = (side // OVERSAMPLING for side in value.shape[:2])
     return value.reshape(rows, OVERSAMPLING, columns, OVERSAMPLING, 3).mean(axis=(1, 3))
+
+
+def _area(given: int, wanted: int) -> np.ndarray:
+    """Weights (wanted, given) of the mean over equal parts of a side of ``given`` pixels."""
+    ends = np.arange(wanted + 1) * (given / wanted)
+    pixels = np.arange(given)
+    overlap = np.minimum(ends[1:, None], pixels + 1.0) - np.maximum(ends[:-1, None], pixels)
+    return np.maximum(overlap, 0.0) * (wanted / given)
 
 
 def _ramp(x: np.ndarray, softness: float) -> np.ndarray:

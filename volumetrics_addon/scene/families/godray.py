@@ -75,18 +75,25 @@ def _frustum(apex: Vector, axes: tuple[Vector, Vector, Vector], slopes: tuple[fl
 
 def _projector(values: Mapping[str, Any], apex: Vector, axis: Vector, up: Vector, power: Vector) -> Projector:
     horizontal, vertical = math.radians(values["horizontal_fov"]), math.radians(values["vertical_fov"])
-    image = None
-    if values["gobo"] != "none":
-        from ..gobo import picture  # numpy, only where there is something to draw
-
-        drift = tuple(-values["gobo_time"] * values[f"gobo_drift_{way}"] for way in ("right", "up"))
-        image = picture(values["gobo"], aspect=math.tan(horizontal / 2) / math.tan(vertical / 2),
-                        resolution=values["gobo_resolution"], count=values["gobo_count"], softness=values["gobo_softness"],
-                        scale=values["gobo_scale"], rotation=math.radians(values["gobo_rotation"]), drift=drift,
-                        time=values["gobo_time"], seed=values["gobo_seed"])
+    image = _gobo(values, math.tan(horizontal / 2) / math.tan(vertical / 2)) if values["gobo"] != "none" else None
     far = values["far"] if values["far"] < NEVER else math.inf
     return Projector(apex, axis, up, power, horizontal, vertical, values["near"], far, FALLOFF[values["falloff"]],
                      values["blend"], values["frustum"] == "elliptic", image)
+
+
+def _gobo(values: Mapping[str, Any], aspect: float) -> Any:
+    """The picture (rows, columns, 3) in the projector's light."""
+    from .. import gobo  # numpy, only where there is something to draw
+
+    placed = {"aspect": aspect, "resolution": values["gobo_resolution"], "scale": values["gobo_scale"],
+              "rotation": math.radians(values["gobo_rotation"]),
+              "drift": tuple(-values["gobo_time"] * values[f"gobo_drift_{way}"] for way in ("right", "up"))}
+    if values["gobo"] == "image":
+        from ...blender import pictures  # files are Blender's matter: engines and references then show the same pixels
+
+        return gobo.resampled(pictures.read("gobo_image", values["gobo_image"]), **placed)
+    return gobo.picture(values["gobo"], count=values["gobo_count"], softness=values["gobo_softness"], time=values["gobo_time"],
+                        seed=values["gobo_seed"], **placed)
 
 
 def _blockers(values: Mapping[str, Any], apex: Vector, axis: Vector, half_angle: float) -> list[Box]:
