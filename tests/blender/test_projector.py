@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Projectors in both engines against single scattering by quadrature; EEVEE's bound is the error measured plus a margin."""
+"""Projectors and sunlight through openings in both engines against single scattering by quadrature; EEVEE's bound is the error measured plus a margin."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,10 @@ VARIANTS = {
     "plain": {}, "hard": {"blend": 0.0, "roll": 30.0}, "elliptic": {"frustum": "elliptic"}, "linear": {"falloff": "linear"},
     "constant": {"falloff": "constant"}, "near-far": {"near": 1.0, "far": 4.0, "domain": "box"},
     "window": {"gobo": "window", "gobo_resolution": 32}, "glass": {"gobo": "stained_glass", "gobo_resolution": 32},
-    "count": {"count": 2}, "image": {"gobo": "image", "gobo_image": "slide.exr", "gobo_resolution": 32, "gobo_scale": 0.7, "gobo_rotation": 25.0},
+    "count": {"count": 2},
+    "sun": {"light": "sun", "location": [-1, -1.5, 5], "target": [0.4, 1, 0], "opening_tilt": 60.0, "opening_width": 1.8, "count": 2,
+            "spacing": 2.0, "blocker": "slats", "blocker_rotation": 30.0, "blocker_fill": 0.3},
+    "image": {"gobo": "image", "gobo_image": "slide.exr", "gobo_resolution": 32, "gobo_scale": 0.7, "gobo_rotation": 25.0},
 }
 
 

@@ -177,7 +177,7 @@ def test_plan_settings_exist_in_this_blender():
             with build.temporary():
                 from volumetrics_addon.plan.rules import plan
 
-                bodies = [assemble.body(chosen.family, chosen.parameters, scene.volumes)]
+                bodies = assemble.bodies(chosen.family, chosen.parameters, scene.volumes)
                 made = plan(scene, bodies, engine, 1, has_null_scattering=compat.current().volume_biased)
                 built = build.build(scene, bodies, made, chosen.label)
                 assert built.camera is not None and built.world is not None

@@ -23,6 +23,7 @@ from ..plan.rules import is_baked, light_resolution, participation, plan
 from ..reference import light_grid
 from ..scene import assemble
 from ..scene.bake import voxelized
+from ..scene.families.item import Item
 from ..scene.model import Camera, Scene, Sun, Volume, add
 from . import build, compat, extract, fields, grid, groups, light, objects, settings
 
@@ -167,6 +168,11 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     item = assemble.ASSEMBLERS[family](values, bounds)
     if is_baked(values):
         item.volumes = tuple(voxelized(compat.as_evaluated(volume), values["resolution"]) for volume in item.volumes)
+    return place_item(scene, family, values, item, label, orders)
+
+
+def place_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], item: Item, label: str, orders: int = 1) -> bpy.types.Collection:
+    """Add what a family has made of checked values to the scene: one object for each domain, all with one material."""
     # The camera is not known here; a planet's ground is seen from about where it passes through the origin.
     eye = (0.0, 0.0, values.get("base_height", 0.0))
     described = Scene(Camera(eye, (0.0, 1.0, 0.0), 1.0), item.lights, volumes=item.volumes,
@@ -175,17 +181,20 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     before = {name: set(getattr(bpy.data, name)) for name in _OWNED}
     collection = bpy.data.collections.new(label)
     scene.collection.children.link(collection)
-    medium = assemble.body(family, values, item.volumes)
-    domain = build.add_body(medium, label, collection)
-    cycles = plan(described, [medium], CYCLES, 1, has_null_scattering=compat.current().volume_biased)
-    build.set_volume_material(domain.material_slots[0].material, *cycles.volume_settings)
+    media = assemble.bodies(family, values, item.volumes)
+    domain = build.add_body(media[0], label, collection)
+    material = domain.material_slots[0].material
+    cycles = plan(described, media, CYCLES, 1, has_null_scattering=compat.current().volume_biased)
+    build.set_volume_material(material, cycles.volume_settings[0])
+    for medium in media[1:]:
+        build.add_body(medium, label, collection, material=material)
     for source in item.lights:
         build.add_light(source, f"{label} light", collection, described)
     for surface in item.surfaces:
         part = f"{label} {'ground' if family == 'air' else 'blocker'}"
         objects.body(surface.shape, part, objects.surface_material(surface, part), collection, eye)
-    if plan(described, [medium], EEVEE, 1).light_enclosure:
-        build.add_enclosure(described.lights, [medium], f"{label} light enclosure", collection)
+    if plan(described, media, EEVEE, 1).light_enclosure:
+        build.add_enclosure(described.lights, media, f"{label} light enclosure", collection)
 
     identity = uuid.uuid4().hex
     for name in _OWNED:

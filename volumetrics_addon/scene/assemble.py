@@ -11,7 +11,7 @@ from ..parameters.families import FAMILIES
 from .body import Body
 from .families import ASSEMBLERS, air, glass
 from .families.item import Bounds
-from .model import Box, Camera, Ellipsoid, Light, Scene, Sun, Surface, Vector, Volume, normalized, scaled, subtract, turned
+from .model import Box, Camera, Ellipsoid, Light, Scene, Shape, Sun, Surface, Vector, Volume, normalized, scaled, subtract, turned
 
 
 def body(family: str, values: Mapping[str, Any], volumes: Iterable[Volume]) -> Body:
@@ -22,6 +22,14 @@ def body(family: str, values: Mapping[str, Any], volumes: Iterable[Volume]) -> B
         raise ValueError(f"a body has one domain, got {len(domains)} in {len(volumes)} volumes; make a body of each")
     domain = air.domain(values) if family == "air" else domains.pop()
     return Body(FAMILIES[family], glass.resolved(values) if family == "glass" else values, volumes, domain)
+
+
+def bodies(family: str, values: Mapping[str, Any], volumes: Iterable[Volume]) -> list[Body]:
+    """The bodies of a family: one for each domain."""
+    by_domain: dict[Shape, list[Volume]] = {}
+    for volume in volumes:
+        by_domain.setdefault(volume.domain, []).append(volume)
+    return [body(family, values, together) for together in by_domain.values()]
 
 
 def prop(values: Mapping[str, Any]) -> Surface:

@@ -20,7 +20,7 @@ from .model import (
 )
 
 # Power of the length in each unit that parameters are declared in.
-DIMENSIONS = {"": 0, "deg": 0, "m": 1, "1/m": -1, "1/km": -1, "W": 2, "m/s": 1, "s": 0, "1/s": 0, "um": 0}
+DIMENSIONS = {"": 0, "deg": 0, "m": 1, "1/m": -1, "1/km": -1, "W": 2, "m/s": 1, "s": 0, "1/s": 0, "um": 0, "W/m2": 0}
 
 
 def scaled(scene: Scene, factor: float) -> Scene:

@@ -4,27 +4,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from ..model import (
-    Box, Cone, Hull, Light, Medium, Phase, Projector, Shape, Spot, Surface, Vector, Volume, add, look_frame, normalized, scaled,
-    subtract, swept,
+    Box, Cone, Hull, Light, Medium, Phase, Projector, Shape, Spot, Sun, Surface, Vector, Volume, add, cross, look_frame, normalized,
+    scaled, subtract, swept,
 )
+from ..openings import shaft
 from .item import Bounds, Item, scattering
 
 # The haze cone is this much wider than the light's cone, so that the domain's faceted mantle stays in the dark.
 CONE_CLEARANCE = 1.03
 NEAREST = 1e-3  # share of its length at which the haze of a frustum begins, where it would begin in a point
-
-
+APART_SPACING = 1.01  # of the width of openings side by side
+BEAM_BAR, OPENING_BAR = 1.2, 1.0  # length of bars over the beam's width, so that no light slips round, and over the opening's
 NEVER = 1e6  # m: a far end at the parameter's limit is none
 FALLOFF = {"quadratic": 2, "linear": 1, "constant": 0}
 
 
 def assemble(values: Mapping[str, Any], bounds: Bounds | None = None) -> Item:
     """Lights, the haze that they light, and bars in their way. Raises ValueError where the values contradict one another."""
+    if values["light"] == "sun":
+        return _shafts(values)
     apex, axis = values["location"], normalized(subtract(values["target"], values["location"]))
     power, length = scaled(values["color"], values["power"]), values["length"]
     right, up, back = look_frame(axis)
@@ -59,6 +62,35 @@ def assemble(values: Mapping[str, Any], bounds: Bounds | None = None) -> Item:
     sigma_s, sigma_a = scattering(values)
     volume = Volume(domain, Medium(sigma_s, sigma_a, Phase(values["g"])))
     return Item([volume], lights, [Surface(box, (0.0, 0.0, 0.0)) for box in _blockers(values, apex, axis, half_angle)])
+
+
+def shafts(values: Mapping[str, Any], polygons: Iterable[Sequence[Vector]], direction: Vector) -> list[Volume]:
+    """The haze that sunlight along ``direction`` fills behind convex openings. Raises ValueError as openings.shaft."""
+    sigma_s, sigma_a = scattering(values)
+    medium = Medium(sigma_s, sigma_a, Phase(values["g"]))
+    end = {"floor": values["floor_height"]} if values["shaft_end"] == "floor" else {"length": values["length"]}
+    return [Volume(shaft(polygon, direction, **end), medium) for polygon in polygons]
+
+
+def _shafts(values: Mapping[str, Any]) -> Item:
+    """Rectangular openings side by side, their bars, and the sun where it is not the scene's."""
+    direction = normalized(subtract(values["target"], values["location"]))
+    azimuth, tilt = math.radians(values["opening_azimuth"]), math.radians(values["opening_tilt"])
+    facing = (math.sin(azimuth), math.cos(azimuth), 0.0)
+    right = (math.cos(azimuth), -math.sin(azimuth), 0.0)
+    up = add(scaled((0.0, 0.0, 1.0), math.cos(tilt)), scaled(facing, math.sin(tilt)))
+    size = values["opening_width"], values["opening_height"]
+    if values["count"] > 1 and values["spacing"] < APART_SPACING * size[0]:
+        raise ValueError(f"spacing must be >= {APART_SPACING:g} times opening_width, got {values['spacing']:g} m for openings of "
+                         f"{size[0]:g} m; volumes that touch are ambiguous")
+    across, along = scaled(right, size[0] / 2), scaled(up, size[1] / 2)
+    polygons, bars = [], []
+    for index in range(values["count"]):
+        middle = add(values["location"], scaled(right, values["spacing"] * (index - (values["count"] - 1) / 2)))
+        polygons.append([add(middle, add(scaled(across, x), scaled(along, y))) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+        bars += _bars(values, middle, (right, up, cross(right, up)), size, OPENING_BAR)
+    lights = [Sun(direction, scaled(values["color"], values["irradiance"]))] if values["irradiance"] > 0.0 else []
+    return Item(shafts(values, polygons, direction), lights, [Surface(box, (0.0, 0.0, 0.0)) for box in bars])
 
 
 def _frustum(apex: Vector, axes: tuple[Vector, Vector, Vector], slopes: tuple[float, ...], near: float, far: float) -> Hull:
@@ -98,19 +130,25 @@ def _gobo(values: Mapping[str, Any], aspect: float) -> Any:
 
 def _blockers(values: Mapping[str, Any], apex: Vector, axis: Vector, half_angle: float) -> list[Box]:
     """Bars in a plane across the beam. Count and fill are over the beam's width at that distance."""
-    if values["blocker"] == "none":
-        return []
     distance = values["blocker_distance"]
     width = 2 * distance * math.tan(half_angle)
-    right, up, back = look_frame(axis)
+    return _bars(values, add(apex, scaled(axis, distance)), look_frame(axis), (width, width), BEAM_BAR)
+
+
+def _bars(values: Mapping[str, Any], center: Vector, axes: tuple[Vector, Vector, Vector], size: tuple[float, float],
+          reach: float) -> list[Box]:
+    """Flat bars over ``size`` along the first two axes, ``reach`` times as long as it."""
+    if values["blocker"] == "none":
+        return []
+    right, up, back = axes
     c, s = (f(math.radians(values["blocker_rotation"])) for f in (math.cos, math.sin))
     across = add(scaled(right, c), scaled(up, s))
     along = add(scaled(right, -s), scaled(up, c))
-    center = add(apex, scaled(axis, distance))
-    pitch = width / values["blocker_count"]
-    bar = (pitch * values["blocker_fill"] / 2, width * 0.6, 0.0)  # longer than the beam is wide: no light slips round
     boxes = []
-    for first, second in ((across, along), (along, across))[: 2 if values["blocker"] == "window" else 1]:
+    directions = ((across, along, size), (along, across, size[::-1]))
+    for first, second, (width, length) in directions[: 2 if values["blocker"] == "window" else 1]:
+        pitch = width / values["blocker_count"]
+        bar = (pitch * values["blocker_fill"] / 2, length * reach / 2, 0.0)
         for index in range(values["blocker_count"]):
             offset = (index + 0.5) * pitch - width / 2
             boxes.append(Box(add(center, scaled(first, offset)), bar, (first, second, back)))
