@@ -80,12 +80,10 @@ def test_voxels_are_a_cloud_that_may_only_absorb():
         assert family == "cloud" and values["extinction"] == 1.0 and values["albedo"] == albedo and values["g"] == 0.3
 
 
-def test_ambient_term_of_a_projector_is_refused():
-    light = Projector((0, 0, 0), (0, 0, -1), (0, 1, 0), (1, 1, 1), 1.0, 1.0)
-    scene = Scene(Camera((0, -1, 0), (0, 1, 0), 1.0), (replace(light, ambient=(0.5, 0.0, 0.0)),))
-    with pytest.raises(ValueError, match="ambient term"):
+def test_ambient_light_is_refused():
+    scene = Scene(Camera((0, -1, 0), (0, 1, 0), 1.0), (), volumes=(Volume(BOX, Medium((1.0,) * 3, (0.0,) * 3, ambient=(0.5, 0.0, 0.0))),))
+    with pytest.raises(ValueError, match="only godrays have ambient light"):
         describe_scene(scene)
-    assert describe_scene(replace(scene, lights=(light,))) == []
 
 
 # --- air --------------------------------------------------------------------------------------------------------

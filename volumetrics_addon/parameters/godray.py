@@ -81,6 +81,9 @@ GODRAY = Group(
         having(EXTINCTION, 0.05, soft_maximum=1.0),
         having(ALBEDO, (0.9, 0.9, 0.9)),
         having(G, 0.5),
+        Parameter("ambient", "float", 0.0, "Radiance that reaches all of the haze from all sides, unshadowed and undimmed, and is scattered "
+                  "once.", unit="W/(m2 sr)", minimum=0.0, maximum=1e6, soft_maximum=10.0, live=True),
+        Parameter("ambient_color", "color", (1.0, 1.0, 1.0), "Colour of the ambient light.", minimum=0.0, maximum=1.0, live=True),
         Parameter("blocker", "choice", "slats", "What stands in the beam.",
                   choices=(("none", "Nothing"), ("slats", "Slats"), ("window", "Window bars"))),
         Parameter("blocker_count", "int", 5, "Number of bars across the beam or opening (each way, for a window).",

@@ -151,11 +151,6 @@ def frustum_of(light: Projector) -> dict:
             "elliptic": light.elliptic}
 
 
-def ambient_radiance(scene: Scene) -> Array:
-    """Radiance (3,) that reaches every point of the media from all sides, unshadowed and undimmed: projectors' ambient term."""
-    return np.sum([light.ambient for light in scene.lights if isinstance(light, Projector)] or [(0.0, 0.0, 0.0)], axis=0)
-
-
 def uniform_hemisphere_cosine(normal: Array, rng: np.random.Generator) -> Array:
     """Directions (n, 3) around unit normals with density cos / pi: the normal plus a point of the unit sphere."""
     sphere = uniform_sphere(len(normal), rng)

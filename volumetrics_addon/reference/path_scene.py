@@ -12,7 +12,7 @@ import numpy as np
 from ..physics.phase import mie_fit_parameters
 from ..scene import geometry, noise
 from ..scene.model import (
-    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, MiePhase, NoiseShape, Phase, Point,
+    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, MiePhase, NoiseShape, Phase, Point,
     Projector, RayleighPhase, Scene, Shape, Sun, Volume,
 )
 from . import optics
@@ -49,7 +49,11 @@ SUN, POSITION, TOWARD, COLOR, DARK, FULL, LIGHT = 0, 1, 4, 7, 10, 11, 12
 
 def unsupported(scene: Scene) -> str:
     """Empty when the compiled path tracer can render the scene, otherwise the reason why not."""
-    return "it has a projector" if any(isinstance(light, Projector) for light in scene.lights) else ""
+    if any(isinstance(light, Projector) for light in scene.lights):
+        return "it has a projector"
+    if any(isinstance(volume.domain, Hull) for volume in scene.volumes):
+        return "a medium fills a polyhedron"
+    return "a medium has ambient light" if any(volume.medium.glows for volume in scene.volumes) else ""
 
 
 def flatten(scene: Scene) -> Array:
@@ -129,6 +133,8 @@ def bounding_box(shape: Shape) -> tuple[Array, Array]:
         end = apex + shape.length * axis
         radius = shape.length * np.tan(shape.half_angle) * np.sqrt(np.maximum(0.0, 1.0 - axis**2))
         return np.minimum(apex, end - radius), np.maximum(apex, end + radius)
+    if isinstance(shape, Hull):
+        return np.min(shape.corners, axis=0), np.max(shape.corners, axis=0)
     axes = np.array(shape.axes) * np.array(shape.half)[:, None]
     reach = np.linalg.norm(axes, axis=0) if isinstance(shape, Ellipsoid) else np.abs(axes).sum(axis=0)
     return np.array(shape.center) - reach, np.array(shape.center) + reach

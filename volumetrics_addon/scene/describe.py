@@ -16,7 +16,7 @@ from .body import Body
 from .families.air import PER_KILOMETRE
 from .model import (
     Box, Camera, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase,
-    Projector, RayleighPhase, Scene, Volume,
+    RayleighPhase, Scene, Volume,
 )
 
 GREY = 1e-9  # relative difference of the extinction between channels that counts as none
@@ -25,6 +25,8 @@ GREY = 1e-9  # relative difference of the extinction between channels that count
 def describe(volume: Volume) -> tuple[str, dict[str, Any]]:
     """Family and values of a volume. Raises ValueError when no family can express it."""
     medium = volume.medium
+    if medium.glows:
+        raise ValueError(f"only godrays have ambient light in the engines, got {medium.ambient}; set it to 0")
     if volume.boundary is not None or (not medium.scatters and isinstance(medium.density, Homogeneous)):
         return "glass", _values("glass", _glass(volume))
     if not isinstance(medium.phase, (Phase, MiePhase)):
@@ -43,9 +45,6 @@ def describe(volume: Volume) -> tuple[str, dict[str, Any]]:
 
 def describe_scene(scene: Scene) -> list[Body]:
     """What the engines have to show. Raises ValueError with the reason when they cannot show the scene."""
-    for light in scene.lights:
-        if isinstance(light, Projector) and max(light.ambient) > 0.0:
-            raise ValueError(f"the engines' lights have no ambient term, got {light.ambient}; set it to 0")
     layers = _fog_layers(scene.volumes)
     air = [volume for volume in scene.volumes if isinstance(volume.medium.density, ExponentialAltitude)]
     bodies = [body(*describe(volume), (volume,)) for volume in scene.volumes if volume not in air and volume not in sum(layers, ())]

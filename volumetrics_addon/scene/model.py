@@ -236,12 +236,17 @@ AnyPhase = Phase | RayleighPhase | MiePhase
 
 @dataclass(frozen=True)
 class Medium:
-    """Scattering and absorption coefficients (1/m, per channel) where the density is 1."""
+    """Scattering and absorption coefficients (1/m, per channel) where the density is 1.
+
+    ``ambient`` is a radiance that reaches every point of the medium from all sides, unshadowed and undimmed, and is scattered
+    once: it stands for all light that has come from elsewhere, so its further orders are in it.
+    """
 
     sigma_s: Color
     sigma_a: Color
     phase: AnyPhase = Phase(0.0)
     density: Density = Homogeneous()
+    ambient: Color = (0.0, 0.0, 0.0)
 
     @property
     def sigma_t(self) -> Color:
@@ -250,6 +255,11 @@ class Medium:
     @property
     def scatters(self) -> bool:
         return max(self.sigma_s) > 0.0
+
+    @property
+    def glows(self) -> bool:
+        """Whether ambient light is scattered."""
+        return any(s * a > 0.0 for s, a in zip(self.sigma_s, self.ambient))
 
 
 @dataclass(frozen=True)
@@ -346,8 +356,7 @@ class Projector:
 
     ``horizontal_fov`` and ``vertical_fov`` are full angles in radians, ``near`` and ``far`` distances along
     ``direction`` (m). ``blend`` softens the edge as a share of the half width, ``elliptic`` rounds the frustum.
-    ``gobo`` is an image (rows, columns[, 3]) >= 0 in the light's way, ``ambient`` a radiance that reaches every point of
-    the media unshadowed and undimmed.
+    ``gobo`` is an image (rows, columns[, 3]) >= 0 in the light's way.
     """
 
     position: Vector
@@ -362,7 +371,6 @@ class Projector:
     blend: float = 0.0
     elliptic: bool = False
     gobo: Any = None
-    ambient: Color = (0.0, 0.0, 0.0)
 
 
 Light = Sun | Point | Spot | Projector

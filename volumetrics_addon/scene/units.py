@@ -20,7 +20,7 @@ from .model import (
 )
 
 # Power of the length in each unit that parameters are declared in.
-DIMENSIONS = {"": 0, "deg": 0, "m": 1, "1/m": -1, "1/km": -1, "W": 2, "m/s": 1, "s": 0, "1/s": 0, "um": 0, "W/m2": 0}
+DIMENSIONS = {"": 0, "deg": 0, "m": 1, "1/m": -1, "1/km": -1, "W": 2, "m/s": 1, "s": 0, "1/s": 0, "um": 0, "W/m2": 0, "W/(m2 sr)": 0}
 
 
 def scaled(scene: Scene, factor: float) -> Scene:
@@ -71,7 +71,7 @@ def _shape(shape: Shape, factor: float) -> Shape:
 def _volume(volume: Volume, factor: float) -> Volume:
     medium = volume.medium
     return replace(volume, domain=_shape(volume.domain, factor), cavity=volume.cavity and _shape(volume.cavity, factor), medium=Medium(
-        times(medium.sigma_s, 1.0 / factor), times(medium.sigma_a, 1.0 / factor), medium.phase, _density(medium.density, factor)))
+        times(medium.sigma_s, 1.0 / factor), times(medium.sigma_a, 1.0 / factor), medium.phase, _density(medium.density, factor), medium.ambient))
 
 
 def _density(density: Density, factor: float) -> Density:

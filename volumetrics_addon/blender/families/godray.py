@@ -8,9 +8,17 @@ from typing import Any
 
 from ...scene.model import Shape
 from ..fields import Fields
-from ..nodes import Tree
+from ..nodes import Tree, socket_of
 from ..shaders import Outputs, Sockets, one_lobe
 
 
 def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
-    return one_lobe(build, inputs["albedo"], inputs["extinction"], inputs["g"])
+    extinction = inputs["extinction"]
+    haze = one_lobe(build, inputs["albedo"], extinction, inputs["g"])
+    # The ambient light scattered once is emission. Cycles' rays go on after their last event and would meet it there again.
+    color = build.vector("MULTIPLY", inputs["albedo"], inputs["ambient_color"])
+    strength = build.math("MULTIPLY", extinction, inputs["ambient"])
+    seen = socket_of(build.node("ShaderNodeLightPath").outputs, "Is Camera Ray")
+    strengths = {"Cycles Volume": build.math("MULTIPLY", strength, seen), "EEVEE Volume": strength}
+    return {label: build.shader_sum(shader, build.node("ShaderNodeEmission", {"Color": color, "Strength": strengths[label]}).outputs[0])
+            for label, shader in haze.items()}

@@ -59,15 +59,16 @@ def assemble(values: Mapping[str, Any], bounds: Bounds | None = None) -> Item:
         domain = Cone(apex, axis, wide, length)
     else:
         domain = _frustum(apex, (right, up, axis), tuple(CONE_CLEARANCE * slope for slope in slopes), near or NEAREST * length, length)
-    sigma_s, sigma_a = scattering(values)
-    volume = Volume(domain, Medium(sigma_s, sigma_a, Phase(values["g"])))
-    return Item([volume], lights, [Surface(box, (0.0, 0.0, 0.0)) for box in _blockers(values, apex, axis, half_angle)])
+    return Item([Volume(domain, _haze(values))], lights, [Surface(box, (0.0, 0.0, 0.0)) for box in _blockers(values, apex, axis, half_angle)])
+
+
+def _haze(values: Mapping[str, Any]) -> Medium:
+    return Medium(*scattering(values), Phase(values["g"]), ambient=scaled(values["ambient_color"], values["ambient"]))
 
 
 def shafts(values: Mapping[str, Any], polygons: Iterable[Sequence[Vector]], direction: Vector) -> list[Volume]:
     """The haze that sunlight along ``direction`` fills behind convex openings. Raises ValueError as openings.shaft."""
-    sigma_s, sigma_a = scattering(values)
-    medium = Medium(sigma_s, sigma_a, Phase(values["g"]))
+    medium = _haze(values)
     end = {"floor": values["floor_height"]} if values["shaft_end"] == "floor" else {"length": values["length"]}
     return [Volume(shaft(polygon, direction, **end), medium) for polygon in polygons]
 
