@@ -84,10 +84,14 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
     return result
 
 
-def add_light(source: Light, name: str, collection: bpy.types.Collection, scene: Scene, engine: str | None = None) -> None:
-    """The light, for one engine or for both: a projector is nodes in Cycles and a mask before the light in EEVEE."""
+def add_light(source: Light, name: str, collection: bpy.types.Collection, scene: Scene, engine: str | None = None,
+              live: bpy.types.NodeTree | None = None) -> None:
+    """The light, for one engine or for both: a projector is nodes in Cycles and a mask before the light in EEVEE.
+
+    ``live`` is the node group of its gobo, where that is not a picture.
+    """
     if isinstance(source, Projector):
-        projector.add(source, name, collection, engine, rules.reach(scene, source.position))
+        projector.add(source, name, collection, engine, rules.reach(scene, source.position), live)
     else:
         objects.light(source, name, collection)
 

@@ -25,7 +25,8 @@ from ..scene import assemble
 from ..scene.bake import voxelized
 from ..scene.families.item import Item
 from ..scene.model import Camera, Scene, Sun, Volume, add
-from . import build, compat, extract, fields, grid, groups, light, objects, settings
+from . import build, compat, extract, fields, gobo, grid, groups, light, objects, settings
+from .nodes import socket_factor
 
 KEY = "volumetrics"
 TAG = "volumetrics_item"
@@ -68,7 +69,7 @@ def values_of(item: bpy.types.Collection) -> dict[str, Any]:
             continue
         value = socket.default_value
         if parameter.kind == "float":
-            value = decimal(value)
+            value = decimal(value / socket_factor(parameter))
         elif parameter.kind in ("color", "vector"):
             value = tuple(map(decimal, tuple(value)[:3]))
         values[parameter.name] = value
@@ -188,8 +189,12 @@ def place_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], i
     build.set_volume_material(material, cycles.volume_settings[0])
     for medium in media[1:]:
         build.add_body(medium, label, collection, material=material)
+    pattern = None
+    if item.lights and values.get("light") == "projector" and values["gobo"] != "none":
+        pattern = gobo.group(values, item.lights[0], f"{label} gobo", material,
+                             next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup"))
     for source in item.lights:
-        build.add_light(source, f"{label} light", collection, described)
+        build.add_light(source, f"{label} light", collection, described, live=pattern)
     for surface in item.surfaces:
         part = f"{label} {'ground' if family == 'air' else 'blocker'}"
         objects.body(surface.shape, part, objects.surface_material(surface, part), collection, eye)
