@@ -32,7 +32,7 @@ DECLARED = [pytest.param(group, parameter, id=f"{group.name}.{parameter.name}")
 DIMENSIONLESS = {"g", "g_back", "lobe_weight", "mie_g", "octave_extinction", "octave_phase", "octave_contribution", "fill", "softness", "base",
                  "noise_detail", "noise_roughness", "noise_strength", "billow_strength", "billow_roughness", "stretch", "evolution",
                  "cutoff", "ior", "strength", "blend", "blocker_fill", "gobo_softness", "gobo_scale",
-                 "aspect"}
+                 "aspect", "dust_strength"}
 
 HUGE = 10**400  # beyond float
 ENDLESS = 1 << 20000  # beyond what Python writes in decimal

@@ -11,7 +11,7 @@ from volumetrics_addon.physics import airlight, phase
 from volumetrics_addon.reference import optics, path_scene, path_tracing
 from volumetrics_addon.scene import geometry, noise
 from volumetrics_addon.scene.model import (
-    Box, Camera, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape,
+    Box, Camera, Cone, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape,
     Phase, Point, Projector, RayleighPhase, Scene, Spot, Sun, Surface, Volume, normalized, turned,
 )
 
@@ -53,6 +53,8 @@ SCENES = {
         (Surface(Ellipsoid(AIR.center, (AIR.radius,) * 3), (0.3, 0.4, 0.5)),), 6),
     "noise of droplets, sun and sky": Scene(
         CAMERA, (SUN,), (0.3, 0.4, 0.5), (Volume(BALL, medium(5.0, 0.99, MiePhase(12.0), NOISE)),), (), 12),
+    "dusty cone, spot light": Scene(
+        CAMERA, (SPOT,), (0.0, 0.0, 0.0), (Volume(CONE, medium((1.0, 2.0, 1.5), 0.9, Phase(0.5), Dust(1.6, 0.5, 3, (0.1, 0.2, 0.3)))),), (), 3),
     "voxels, sun": Scene(
         CAMERA, (SUN,), (0.2, 0.2, 0.2), (Volume(EGG, medium((4.0, 5.0, 6.0), 0.9, Phase(0.5), VOXELS)),), (), 8),
     "cone over ball, spot light, lamp": Scene(

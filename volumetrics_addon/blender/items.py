@@ -186,7 +186,8 @@ def place_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], i
     domain = build.add_body(media[0], label, collection)
     material = domain.material_slots[0].material
     cycles = plan(described, media, CYCLES, 1, has_null_scattering=compat.current().volume_biased)
-    build.set_volume_material(material, cycles.volume_settings[0])
+    # The rate counts in shares of each domain: the material takes the shortest steps.
+    build.set_volume_material(material, min(cycles.volume_settings, key=lambda chosen: chosen["volume_step_rate"]))
     for medium in media[1:]:
         build.add_body(medium, label, collection, material=material)
     pattern = None

@@ -8,6 +8,7 @@ PROJECTOR = ("light", "projector")
 LAMP = ("light", "spot", "projector")
 SUN = ("light", "sun")
 PATTERN = ("gobo", "window", "blinds", "leaves", "water", "stained_glass")
+DUST = ("dust_strength",)
 GOBO = (*PATTERN, "image")
 
 GODRAY = Group(
@@ -63,6 +64,15 @@ GODRAY = Group(
         Parameter("ambient", "float", 0.0, "Radiance that reaches all of the haze from all sides, unshadowed and undimmed, and is scattered "
                   "once.", unit="W/(m2 sr)", minimum=0.0, maximum=1e6, soft_maximum=10.0, live=True),
         Parameter("ambient_color", "color", (1.0, 1.0, 1.0), "Colour of the ambient light.", minimum=0.0, maximum=1.0, live=True),
+        Parameter("dust_strength", "float", 0.0, "Unevenness of the haze, whose density is 1 + strength times noise between -1 and 1; 0 leaves "
+                  "its nodes out.", minimum=0.0, maximum=10.0, soft_maximum=2.0),
+        Parameter("dust_size", "float", 1.0, "Size of the largest swathes.", unit="m", minimum=1e-3, maximum=1e5, soft_minimum=0.05,
+                  soft_maximum=20.0, live=True, when=DUST),
+        Parameter("dust_drift", "vector", (0.0, 0.0, 0.0), "Velocity at which the swathes drift.", unit="m/s", minimum=-1e3, maximum=1e3,
+                  soft_minimum=-2.0, soft_maximum=2.0, live=True, when=DUST),
+        Parameter("dust_time", "float", 0.0, "Moment at which the drifting swathes are shown.", unit="s", minimum=-1e6, maximum=1e6,
+                  soft_minimum=-100.0, soft_maximum=100.0, live=True, when=DUST),
+        Parameter("dust_seed", "int", 0, "Another number makes other swathes.", minimum=0, maximum=9999, when=DUST),
         Parameter("gobo", "choice", "none", "Picture in the projector's light.",
                   choices=(("none", "None"), ("window", "Window"), ("blinds", "Blinds"), ("leaves", "Leaves"), ("water", "Water"),
                            ("stained_glass", "Stained glass"), ("image", "Image file")), when=PROJECTOR),

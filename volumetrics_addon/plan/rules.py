@@ -16,7 +16,7 @@ from typing import Any
 from ..scene.body import Body
 from ..scene.channels import mixes
 from ..scene.model import (
-    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, NoiseShape, Scene, Shape, Sun,
+    Box, Cone, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, NoiseShape, Scene, Shape, Sun,
     Vector, Volume,
 )
 from .model import CYCLES, Plan
@@ -236,6 +236,8 @@ def _step(volume: Volume) -> float:
             if density.billow_octaves > 0 and density.billow_strength != 0.0:
                 size = min(size, density.billow_size)
             return min(MARCHING_STEP * size * min(1.0, density.softness), NOISE_DEPTH / max(max(volume.medium.sigma_t), 1e-300))
+        case Dust() as density:
+            return min(MARCHING_STEP * density.size, NOISE_DEPTH / max(max(volume.medium.sigma_t) * density.largest, 1e-300))
         case Grid() as density:
             thickest = max(volume.medium.sigma_t) * float(density.values.max())
             return min(MARCHING_STEP * VOXELS_PER_FEATURE * _voxel(density), THICKEST_STEP / max(thickest, 1e-300))

@@ -12,7 +12,7 @@ import numpy as np
 from ..physics.phase import mie_fit_parameters
 from ..scene import geometry, noise
 from ..scene.model import (
-    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, MiePhase, NoiseShape, Phase, Point,
+    Box, Cone, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, MiePhase, NoiseShape, Phase, Point,
     Projector, RayleighPhase, Scene, Shape, Sun, Volume,
 )
 from . import optics
@@ -20,7 +20,7 @@ from . import optics
 Array = np.ndarray
 
 BOX, ELLIPSOID, CONE = range(3)
-HOMOGENEOUS, HEIGHT, ALTITUDE, NOISE, GRID = range(5)
+HOMOGENEOUS, HEIGHT, ALTITUDE, NOISE, GRID, DUST = range(6)
 TWO_LOBES, RAYLEIGH, MIE = range(3)
 
 # Of both twins: from this order of scattering on, paths below this weight end by chance.
@@ -111,6 +111,8 @@ def _density(volume: Volume) -> tuple:
             return ALTITUDE, scale_height, radius, *center
         case NoiseShape() as shape:
             return NOISE, *noise.numbers(shape)
+        case Dust() as dust:
+            return DUST, *noise.dust_numbers(dust)
         case Grid() as density:
             return GRID, *density.low, *density.high
     raise TypeError(f"{volume.medium.density!r} is not a density of the Scene")
@@ -155,6 +157,8 @@ def _majorants(volume: Volume) -> tuple[Array, Array, Array]:
             return _noise_bounds(density, low, extent, counts), low, extent / counts
         case Grid():
             return _grid_bounds(density, low, extent, counts), low, extent / counts
+        case Dust():
+            return np.full((1, 1, 1), density.largest), low, extent
         case ExponentialHeight() | ExponentialAltitude():
             # One number stands for the mean; the layers' bounds follow from the formula.
             position = low + extent * np.random.default_rng(0).random((256, 3))

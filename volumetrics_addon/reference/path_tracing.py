@@ -24,7 +24,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..scene import geometry
-from ..scene.model import ExponentialAltitude, ExponentialHeight, Grid, Scene, Spot, Sun, Volume
+from ..scene.model import Dust, ExponentialAltitude, ExponentialHeight, Grid, Scene, Spot, Sun, Volume
 from . import optics, path_scene
 from .path_scene import ROULETTE_START, ROULETTE_THRESHOLD
 from .result import Accumulator, Progress, Result, subpixels
@@ -147,6 +147,8 @@ def majorant(volume: Volume) -> float:
             largest = np.exp(-max(0.0, lowest - density.radius) / density.scale_height)
         case Grid():
             largest = float(np.max(density.values, initial=0.0))
+        case Dust():
+            largest = density.largest
     return max(volume.medium.sigma_t) * largest
 
 

@@ -184,6 +184,24 @@ class NoiseShape:
 
 
 @dataclass(frozen=True)
+class Dust:
+    """Drifting haze: density max(0, 1 + strength (2 n - 1)), n the normalised fractal noise in [0, 1] at (p - drift) / size + offset(seed).
+
+    Its mean is near 1 while strength <= 1; a larger one leaves clear air between the swathes.
+    """
+
+    strength: float
+    size: float
+    seed: int = 0
+    drift: Vector = (0.0, 0.0, 0.0)
+
+    @property
+    def largest(self) -> float:
+        """Bound of the density."""
+        return 1.0 + self.strength
+
+
+@dataclass(frozen=True)
 class ExponentialAltitude:
     """Density exp(-(|p - center| - radius) / scale_height): a planet's atmosphere, 1 at the ground."""
 
@@ -201,7 +219,7 @@ class Grid:
     high: Vector
 
 
-Density = Homogeneous | ExponentialHeight | NoiseShape | ExponentialAltitude | Grid
+Density = Homogeneous | ExponentialHeight | NoiseShape | Dust | ExponentialAltitude | Grid
 
 
 @dataclass(frozen=True)
@@ -418,4 +436,4 @@ class Scene:
 
     @property
     def is_noisy(self) -> bool:
-        return any(isinstance(volume.medium.density, NoiseShape) for volume in self.volumes)
+        return any(isinstance(volume.medium.density, (NoiseShape, Dust)) for volume in self.volumes)

@@ -15,7 +15,7 @@ from typing import Any
 from ..parameters.model import Group
 from .body import Body
 from .model import (
-    Box, Camera, Cone, Density, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light, Medium, NoiseShape,
+    Box, Camera, Cone, Density, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light, Medium, NoiseShape,
     Point, Projector, Scene, Shape, Spot, Sun, Volume, scaled as times,
 )
 
@@ -84,6 +84,8 @@ def _density(density: Density, factor: float) -> Density:
             return replace(density, center=times(density.center, factor), half=times(density.half, factor),
                            noise_size=density.noise_size * factor, billow_size=density.billow_size * factor,
                            drift=times(density.drift, factor))
+        case Dust():
+            return replace(density, size=density.size * factor, drift=times(density.drift, factor))
         case ExponentialAltitude():
             return ExponentialAltitude(times(density.center, factor), density.radius * factor, density.scale_height * factor)
         case Grid():

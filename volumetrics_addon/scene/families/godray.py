@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..model import (
-    Box, Cone, Hull, Light, Medium, Phase, Projector, Shape, Spot, Sun, Surface, Vector, Volume, add, cross, look_frame, normalized,
+    Box, Cone, Density, Dust, Homogeneous, Hull, Light, Medium, Phase, Projector, Shape, Spot, Sun, Surface, Vector, Volume, add, cross, look_frame, normalized,
     scaled, subtract, swept,
 )
 from ..openings import shaft
@@ -20,6 +20,7 @@ CONE_CLEARANCE = 1.03
 NEAREST = 1e-3  # share of its length at which the haze of a frustum begins, where it would begin in a point
 APART_SPACING = 1.01  # of the width of openings side by side
 BEAM_BAR, OPENING_BAR = 1.2, 1.0  # length of bars over the beam's width, so that no light slips round, and over the opening's
+THINNEST = 0.01  # m: Blender 5 cannot hold thinner meshes of a medium that varies
 NEVER = 1e6  # m: a far end at the parameter's limit is none
 FALLOFF = {"quadratic": 2, "linear": 1, "constant": 0}
 
@@ -59,18 +60,38 @@ def assemble(values: Mapping[str, Any], bounds: Bounds | None = None) -> Item:
         domain = Cone(apex, axis, wide, length)
     else:
         domain = _frustum(apex, (right, up, axis), tuple(CONE_CLEARANCE * slope for slope in slopes), near or NEAREST * length, length)
-    return Item([Volume(domain, _haze(values))], lights, [Surface(box, (0.0, 0.0, 0.0)) for box in _blockers(values, apex, axis, half_angle)])
+    return Item([_volume(values, domain)], lights, [Surface(box, (0.0, 0.0, 0.0)) for box in _blockers(values, apex, axis, half_angle)])
 
 
 def _haze(values: Mapping[str, Any]) -> Medium:
-    return Medium(*scattering(values), Phase(values["g"]), ambient=scaled(values["ambient_color"], values["ambient"]))
+    density: Density = Homogeneous()
+    if values["dust_strength"] > 0.0:
+        density = Dust(values["dust_strength"], values["dust_size"], values["dust_seed"], scaled(values["dust_drift"], values["dust_time"]))
+    return Medium(*scattering(values), Phase(values["g"]), density, scaled(values["ambient_color"], values["ambient"]))
+
+
+def _volume(values: Mapping[str, Any], domain: Shape) -> Volume:
+    """The haze in a domain. Raises ValueError for dust in one that is too thin for the engines."""
+    if values["dust_strength"] > 0.0 and thickness(domain) < THINNEST:
+        raise ValueError(f"dust needs a volume at least {THINNEST:g} m thick, got {thickness(domain):g} m; let the beam be wider and longer, "
+                         "or set dust_strength to 0")
+    return Volume(domain, _haze(values))
+
+
+def thickness(shape: Shape) -> float:
+    """Smallest side (m) of the box around a shape along its own axes; for a polyhedron along the world's."""
+    match shape:
+        case Hull():
+            return min(max(along) - min(along) for along in zip(*shape.corners))
+        case Cone():
+            return min(shape.length, 2.0 * shape.length * math.tan(shape.half_angle))
+    return 2.0 * min(shape.half)
 
 
 def shafts(values: Mapping[str, Any], polygons: Iterable[Sequence[Vector]], direction: Vector) -> list[Volume]:
     """The haze that sunlight along ``direction`` fills behind convex openings. Raises ValueError as openings.shaft."""
-    medium = _haze(values)
     end = {"floor": values["floor_height"]} if values["shaft_end"] == "floor" else {"length": values["length"]}
-    return [Volume(shaft(polygon, direction, **end), medium) for polygon in polygons]
+    return [_volume(values, shaft(polygon, direction, **end)) for polygon in polygons]
 
 
 def _shafts(values: Mapping[str, Any]) -> Item:
