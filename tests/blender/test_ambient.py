@@ -19,9 +19,9 @@ HAS_EEVEE = all(check.ok for check in checks() if check.name == "EEVEE")
 
 def seen(engine, orders):
     """A picture along the axis of a dark beam, all of it inside: each ray is LENGTH / cos long, here to 1e-4."""
-    values = {"light": "projector", "power": 0.0, "location": [0, 0, 10], "target": [0, 0, 0], "near": 1.0, "length": 1.0 + LENGTH,
-              "horizontal_fov": 60.0, "vertical_fov": 60.0, "extinction": SIGMA_T, "albedo": list(ALBEDO), "g": 0.6, "blocker": "none",
-              "ambient": 3.0, "ambient_color": [1.0, 0.5, 0.2]}
+    values = {"light": "projector", "power": 0.0, "location": [0, 0, 10], "target": [0, 0, 0], "near": 1.0,
+              "length": 1.0 + LENGTH, "horizontal_fov": 60.0, "vertical_fov": 60.0, "extinction": SIGMA_T, "albedo": list(ALBEDO),
+              "g": 0.6, "blocker": "none", "ambient": 3.0, "ambient_color": [1.0, 0.5, 0.2]}
     stage = {"camera_location": [0, 0, 20], "camera_target": [0, 0, 0], "field_of_view": 1.0, "orders": orders}
     preset = Preset("test", "godray", "Test", "", FAMILIES["godray"].check(values), STAGE.check(stage))
     return render.render(preset, scene_of(preset), engine, 4, 4, 256 if engine == "cycles" else 16).images.mean(axis=(0, 1, 2))

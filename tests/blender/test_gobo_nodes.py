@@ -19,7 +19,8 @@ from volumetrics_addon.verify import reference_of  # noqa: E402
 PIXELS = 24
 BEAM = {"light": "projector", "location": [0, 0, 6], "target": [0, 0, 0], "length": 6.0, "extinction": 0.2, "blocker": "none",
         "horizontal_fov": 44.0, "vertical_fov": 30.0, "gobo_count": 5, "gobo_seed": 3}
-PLACED = {"gobo_softness": 0.3, "gobo_scale": 0.8, "gobo_rotation": 25.0, "gobo_drift_right": 0.4, "gobo_drift_up": -0.15, "gobo_time": 7.5}
+PLACED = {"gobo_softness": 0.3, "gobo_scale": 0.8, "gobo_rotation": 25.0, "gobo_drift_right": 0.4,
+          "gobo_drift_up": -0.15, "gobo_time": 7.5}
 
 
 def item_of(changes):
@@ -49,8 +50,8 @@ def shown(group, aspect):
     scene.collection.objects.link(scene.camera)
     scene.camera.location.z = 3.0
     scene.render.engine = "CYCLES"
-    settings.apply(scene, {"cycles.samples": 1, "cycles.use_denoising": False, "cycles.use_adaptive_sampling": False, "cycles.device": "CPU",
-                           "cycles.pixel_filter_type": "GAUSSIAN", "cycles.filter_width": 0.01})
+    settings.apply(scene, {"cycles.samples": 1, "cycles.use_denoising": False, "cycles.use_adaptive_sampling": False,
+                           "cycles.device": "CPU", "cycles.pixel_filter_type": "GAUSSIAN", "cycles.filter_width": 0.01})
     return render.render_built(scene, round(PIXELS * aspect), PIXELS)[0]
 
 
@@ -61,8 +62,8 @@ def expected(values, aspect, shape):
     v = (1 - (np.arange(rows) + 0.5) / rows * 2) * aspect * rows / columns  # pixels are square
     u, v = np.meshgrid(u, v)
     angle = math.radians(values["gobo_rotation"])
-    x, y = (np.cos(angle) * u + np.sin(angle) * v) / values["gobo_scale"], (np.cos(angle) * v - np.sin(angle) * u) / values["gobo_scale"]
-    x, y = x - values["gobo_time"] * values["gobo_drift_right"], y - values["gobo_time"] * values["gobo_drift_up"]
+    x, y = np.cos(angle) * u + np.sin(angle) * v, np.cos(angle) * v - np.sin(angle) * u
+    x, y = (axis / values["gobo_scale"] - values["gobo_time"] * values[f"gobo_drift_{way}"] for axis, way in ((x, "right"), (y, "up")))
     value = gobo.PATTERNS[values["gobo"]](x * values["gobo_count"] / 2, y * values["gobo_count"] / 2, values["gobo_softness"],
                                           values["gobo_seed"], values["gobo_time"])
     return value if value.ndim == 3 else np.repeat(value[..., None], 3, axis=2)
@@ -87,7 +88,8 @@ def test_nodes_equal_the_formula_and_follow_their_sockets(pattern):
 
 def test_a_keyframe_moves_the_light():
     """The light of an animated item in Cycles against the reference with a fine picture of the pattern at that time."""
-    item, light, _ = item_of({"gobo": "blinds", "gobo_count": 3, "gobo_softness": 0.5, "gobo_drift_up": 0.3333})
+    changes = {"gobo": "blinds", "gobo_count": 3, "gobo_softness": 0.5, "gobo_drift_up": 0.3333}
+    item, light, _ = item_of(changes)
     scene, node = bpy.context.scene, items.live_node(item)
     socket = next(s for s in node.inputs if s.name == "Gobo time")
     for frame, time in ((1, 0.0), (5, 1.0)):
@@ -95,8 +97,7 @@ def test_a_keyframe_moves_the_light():
         socket.keyframe_insert("default_value", frame=frame)
     images = {}
     for frame, time in ((1, 0.0), (5, 1.0)):
-        values = FAMILIES["godray"].check(BEAM | {"gobo": "blinds", "gobo_count": 3, "gobo_softness": 0.5, "gobo_drift_up": 0.3333,
-                                                  "gobo_time": time, "gobo_resolution": 256})
+        values = FAMILIES["godray"].check(BEAM | changes | {"gobo_time": time, "gobo_resolution": 256})
         stage = STAGE.check({"camera_location": [1, -9, 2.5], "camera_target": [0, 0, 1.6], "field_of_view": 20.0})
         described = assemble.scene("godray", values, stage, ())
         scene.frame_set(frame)

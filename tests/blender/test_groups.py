@@ -67,6 +67,7 @@ def variants():
     yield "cloud-billows-mie", "cloud", {"billow_octaves": 3, "base": 0.1, "profile": "anvil", "phase": "mie"}, "storm"
     yield "fog", "fog", {}, "fog"
     yield "godray", "godray", {}, "beam"
+    yield "godray-dust", "godray", {"dust_strength": 1.5, "dust_seed": 3}, "beam"
     yield "glass-sphere", "glass", {}, "ball"
     yield "glass-block", "glass", {"shape": "block"}, "block"
     yield "glass-shell", "glass", {"shape": "shell"}, "shell"

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Projectors and sunlight through openings in both engines against single scattering by quadrature; EEVEE's bound is the error measured plus a margin."""
+"""Projectors and sunlight through openings in both engines against their references; EEVEE's bound is the error measured plus
+a margin."""
 
 import numpy as np
 import pytest
@@ -21,10 +22,11 @@ VARIANTS = {
     "constant": {"falloff": "constant"}, "near-far": {"near": 1.0, "far": 4.0, "domain": "box"},
     "window": {"gobo": "window", "gobo_resolution": 32}, "glass": {"gobo": "stained_glass", "gobo_resolution": 32},
     "count": {"count": 2},
-    "dust": {"light": "spot", "dust_strength": 1.0, "dust_size": 0.6, "dust_drift": [0.1, 0.2, -0.3], "dust_time": 5.0, "dust_seed": 7},
+    "dust": {"light": "spot", "dust_strength": 1.0, "dust_size": 0.6, "dust_drift": [0.1, 0.2, -0.3],
+             "dust_time": 5.0, "dust_seed": 7},
     "ambient": {"ambient": 2.0, "ambient_color": [1.0, 0.5, 0.2], "albedo": [0.9, 0.8, 0.7], "extinction": 0.3},
-    "sun": {"light": "sun", "location": [-1, -1.5, 5], "target": [0.4, 1, 0], "opening_tilt": 60.0, "opening_width": 1.8, "count": 2,
-            "spacing": 2.0, "blocker": "slats", "blocker_rotation": 30.0, "blocker_fill": 0.3},
+    "sun": {"light": "sun", "location": [-1, -1.5, 5], "target": [0.4, 1, 0], "opening_tilt": 60.0, "opening_width": 1.8,
+            "count": 2, "spacing": 2.0, "blocker": "slats", "blocker_rotation": 30.0, "blocker_fill": 0.3},
     "image": {"gobo": "image", "gobo_image": "slide.exr", "gobo_resolution": 32, "gobo_scale": 0.7, "gobo_rotation": 25.0},
 }
 

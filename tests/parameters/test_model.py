@@ -63,7 +63,8 @@ def test_canonical_form(parameter, value, canonical):
 @pytest.mark.parametrize(("parameter", "word", "value"), [
     (FLOAT, "2.5", 2.5), (FLOAT, "1e-3", 1e-3), (FLOAT, " 3 ", 3.0), (INT, "7", 7),
     (BOOL, "true", True), (BOOL, "False", False), (CHOICE, "cone", "cone"), (TEXT, "fog", "fog"),
-    (PATH, "/a/b.png", "/a/b.png"), (PATH, "", ""), (COLOR, "0.1,0.2,0.3", (0.1, 0.2, 0.3)), (COLOR, "0, 1 ,1e-2", (0.0, 1.0, 0.01)), (VECTOR, "1,2,3", (1.0, 2.0, 3.0)),
+    (PATH, "/a/b.png", "/a/b.png"), (PATH, "", ""),
+    (COLOR, "0.1,0.2,0.3", (0.1, 0.2, 0.3)), (COLOR, "0, 1 ,1e-2", (0.0, 1.0, 0.01)), (VECTOR, "1,2,3", (1.0, 2.0, 3.0)),
 ])
 def test_words_of_the_command_line(parameter, word, value):
     result = parameter.parse(word)

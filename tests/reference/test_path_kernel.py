@@ -26,6 +26,7 @@ TILTED = Box((0.1, 0.0, 0.0), (1.0, 0.7, 0.9), turned(0.4))
 EGG = Ellipsoid((0.0, 0.1, -0.1), (1.2, 0.6, 0.8), turned(-0.7))
 CONE = Cone((0.0, 0.0, 1.2), normalized((0.2, 0.1, -1.0)), 0.5, 2.2)
 NOISE = NoiseShape((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.4, 2.0, 0.5, 1.0, 0.8, 0.3, 5)
+DUST = Dust(1.6, 0.5, 3, (0.1, 0.2, 0.3))
 VOXELS = Grid(np.random.default_rng(2).random((5, 4, 6)) ** 2, (-0.8, -0.7, -0.9), (0.9, 0.8, 0.7))
 AIR = ExponentialAltitude((0.0, 0.0, -10.0), 9.0, 0.4)
 SUN = Sun(normalized((1.0, 1.0, -1.0)), (3.0, 2.0, 1.0))
@@ -54,7 +55,7 @@ SCENES = {
     "noise of droplets, sun and sky": Scene(
         CAMERA, (SUN,), (0.3, 0.4, 0.5), (Volume(BALL, medium(5.0, 0.99, MiePhase(12.0), NOISE)),), (), 12),
     "dusty cone, spot light": Scene(
-        CAMERA, (SPOT,), (0.0, 0.0, 0.0), (Volume(CONE, medium((1.0, 2.0, 1.5), 0.9, Phase(0.5), Dust(1.6, 0.5, 3, (0.1, 0.2, 0.3)))),), (), 3),
+        CAMERA, (SPOT,), (0.0, 0.0, 0.0), (Volume(CONE, medium((1.0, 2.0, 1.5), 0.9, Phase(0.5), DUST)),), (), 3),
     "voxels, sun": Scene(
         CAMERA, (SUN,), (0.2, 0.2, 0.2), (Volume(EGG, medium((4.0, 5.0, 6.0), 0.9, Phase(0.5), VOXELS)),), (), 8),
     "cone over ball, spot light, lamp": Scene(

@@ -110,7 +110,8 @@ def test_the_twin_refuses_what_it_would_not_end():
 def test_ambient_light_is_scattered_once():
     """sigma_s A (1 - T) / sigma_t, however many orders the scene follows."""
     medium = Medium((0.6, 0.3, 0.2), (0.1, 0.2, 0.0), Phase(0.5), ambient=(1.0, 2.0, 3.0))
-    scene = Scene(Camera((0.0, -4.0, 0.0), (0.0, 1.0, 0.0), 1e-6), (), volumes=(Volume(Box((0, 0, 0), (1.0, 1.0, 1.0)), medium),), orders=3)
+    cube = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    scene = Scene(Camera((0.0, -4.0, 0.0), (0.0, 1.0, 0.0), 1e-6), (), volumes=(Volume(cube, medium),), orders=3)
     result = path_tracing.render(scene, 16, 16, repeats=4, samples=64, strata=0, seed=3)
     sigma_t = np.array(medium.sigma_t)
     expected = np.array(medium.sigma_s) * medium.ambient * -np.expm1(-2.0 * sigma_t) / sigma_t
@@ -122,7 +123,7 @@ def test_a_polyhedron_is_the_box_that_it_equals():
     box = Box((0.0, 0.0, 0.0), (1.0, 0.7, 0.5))
     floor, roof = (tuple((x, y, z) for x, y in ((-1.0, -0.7), (1.0, -0.7), (1.0, 0.7), (-1.0, 0.7))) for z in (-0.5, 0.5))
     spot = Spot((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), (100.0,) * 3, 1.0, 0.3)
-    images = [path_tracing.render(Scene(CAMERA, (spot,), volumes=(Volume(domain, medium),), orders=3), 6, 6, repeats=2, kernel="numpy").image
-              for domain in (box, swept(floor, roof))]
+    scenes = [Scene(CAMERA, (spot,), volumes=(Volume(domain, medium),), orders=3) for domain in (box, swept(floor, roof))]
+    images = [path_tracing.render(scene, 6, 6, repeats=2, kernel="numpy").image for scene in scenes]
     np.testing.assert_allclose(*images, rtol=1e-9)
     assert images[0].max() > 0.0

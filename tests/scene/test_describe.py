@@ -81,7 +81,8 @@ def test_voxels_are_a_cloud_that_may_only_absorb():
 
 
 def test_ambient_light_is_refused():
-    scene = Scene(Camera((0, -1, 0), (0, 1, 0), 1.0), (), volumes=(Volume(BOX, Medium((1.0,) * 3, (0.0,) * 3, ambient=(0.5, 0.0, 0.0))),))
+    medium = Medium((1.0,) * 3, (0.0,) * 3, ambient=(0.5, 0.0, 0.0))
+    scene = Scene(Camera((0, -1, 0), (0, 1, 0), 1.0), (), volumes=(Volume(BOX, medium),))
     with pytest.raises(ValueError, match="only godrays have ambient light"):
         describe_scene(scene)
 

@@ -20,7 +20,8 @@ def literal(pixels, rows, columns, sides=400):
     return result
 
 
-@pytest.mark.parametrize(("aspect", "resolution", "shape"), [(1.0, 4, (4, 4)), (2.0, 8, (4, 8)), (0.5, 13, (13, 6)), (1.5, 20, (13, 20))])
+@pytest.mark.parametrize(("aspect", "resolution", "shape"), [(1.0, 4, (4, 4)), (2.0, 8, (4, 8)), (0.5, 13, (13, 6)),
+                                                             (1.5, 20, (13, 20))])
 def test_each_pixel_is_the_mean_over_its_area(aspect, resolution, shape):
     picture = gobo.resampled(PIXELS, aspect=aspect, resolution=resolution)
     assert picture.shape == (*shape, 3)

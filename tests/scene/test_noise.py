@@ -150,4 +150,5 @@ def test_dust_is_blenders_noise(strength):
 def test_compiled_and_numpy_dust_agree():
     dust, points = Dust(2.0, 0.7, 3, (1.0, 2.0, 3.0)), np.random.default_rng(5).uniform(-9.0, 9.0, (500, 3))
     formula = noise.implementation(lambda function: function)[3]
-    np.testing.assert_allclose(noise.dust_density(dust, points), formula(np.array(noise.dust_numbers(dust)), 0, *points.T), rtol=1e-9, atol=1e-12)
+    expected = formula(np.array(noise.dust_numbers(dust)), 0, *points.T)
+    np.testing.assert_allclose(noise.dust_density(dust, points), expected, rtol=1e-9, atol=1e-12)

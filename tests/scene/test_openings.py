@@ -20,13 +20,14 @@ FLAT = normalized((0.3, 0.9, 0.1))
 
 
 def passed(polygon, direction, position):
-    """Whether the line from each position (n, 3) against the light crosses the polygon, by the angles of its corners around it."""
+    """Whether the line from each position (n, 3) against the light crosses the polygon, by the angles of its corners."""
     corners = np.array(polygon)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     way = (position - corners[0]) @ normal / (np.array(direction) @ normal)
     across = corners - (position - way[:, None] * np.array(direction))[:, None]
     following = np.roll(across, -1, axis=1)
-    turned = np.arctan2(np.cross(across, following) @ (normal / np.linalg.norm(normal)), np.einsum("nkc,nkc->nk", across, following))
+    normal = normal / np.linalg.norm(normal)
+    turned = np.arctan2(np.cross(across, following) @ normal, np.einsum("nkc,nkc->nk", across, following))
     return (np.abs(turned.sum(axis=1)) > 1.0) & (way > 0.0), way
 
 
@@ -81,7 +82,8 @@ def lattice(columns, rows):
     """Quadrilaterals of a lattice in the plane y = 0.3 z."""
     points = [(i * 0.7, 0.15 * j, 0.5 * j) for j in range(rows + 1) for i in range(columns + 1)]
     place = lambda i, j: j * (columns + 1) + i  # noqa: E731
-    return [(place(i, j), place(i + 1, j), place(i + 1, j + 1), place(i, j + 1)) for j in range(rows) for i in range(columns)], points
+    faces = [(place(i, j), place(i + 1, j), place(i + 1, j + 1), place(i, j + 1)) for j in range(rows) for i in range(columns)]
+    return faces, points
 
 
 def size(parts):
@@ -123,7 +125,8 @@ def test_faces_of_two_walls_stay_two():
 def test_light_across_a_shaft():
     """A ray at right angles to the light: all of it as deep in the shaft, so that the integral has a closed form."""
     values = FAMILIES["godray"].check({
-        "light": "sun", "location": [0, 0, 5], "target": [0, 4, 2], "opening_width": 1.5, "opening_height": 2.0, "shaft_end": "length",
+        "light": "sun", "location": [0, 0, 5], "target": [0, 4, 2], "opening_width": 1.5, "opening_height": 2.0,
+        "opening_tilt": 0.0, "shaft_end": "length",
         "length": 9.0, "extinction": 0.3, "albedo": [0.9, 0.5, 0.2], "g": 0.4, "irradiance": 7.0, "color": [1.0, 0.5, 0.25],
         "blocker": "none"})
     item = assemble.ASSEMBLERS["godray"](values)
@@ -142,7 +145,7 @@ def test_light_across_a_shaft():
 
 def test_openings_side_by_side():
     changes = {"light": "sun", "location": [0, 0, 4], "target": [0, 3, 0], "count": 3, "spacing": 2.0, "opening_width": 1.0,
-               "blocker": "window", "blocker_count": 2, "irradiance": 0.0, "opening_azimuth": 0.0}
+               "blocker": "window", "blocker_count": 2, "irradiance": 0.0, "opening_tilt": 0.0}
     item = assemble.ASSEMBLERS["godray"](FAMILIES["godray"].check(changes))
     assert item.lights == () and len(item.surfaces) == 3 * 4
     spans = sorted((min(c[0] for c in v.domain.corners), max(c[0] for c in v.domain.corners)) for v in item.volumes)
@@ -155,8 +158,8 @@ def test_openings_side_by_side():
 
 def test_an_opening_in_a_roof_lies():
     item = assemble.ASSEMBLERS["godray"](FAMILIES["godray"].check(
-        {"light": "sun", "location": [1, 2, 4], "target": [1, 2, 0], "opening_tilt": 90.0, "opening_azimuth": 30.0, "opening_width": 2.0,
-         "opening_height": 1.0, "blocker": "none"}))
+        {"light": "sun", "location": [1, 2, 4], "target": [1, 2, 0], "opening_tilt": 90.0, "opening_azimuth": 30.0,
+         "opening_width": 2.0, "opening_height": 1.0, "blocker": "none"}))
     top = [c for c in item.volumes[0].domain.corners if c[2] > 3.0]
     assert len(top) == 4 and np.ptp([c[2] for c in top]) < 1e-12
     assert size([top]) == pytest.approx(2.0)

@@ -293,7 +293,8 @@ def test_live_sockets_mirror_the_declaration(name, scene):
         value = tuple(value) if parameter.kind == "vector" else value
         factor = math.radians(1.0) if parameter.unit == "deg" else 1.0
         assert np.allclose(value, factor * np.array(preset.parameters[parameter.name]), rtol=1e-6)
-        assert (declared.min_value, declared.max_value) == pytest.approx((factor * parameter.minimum, factor * parameter.maximum), rel=1e-6)
+        limits = factor * parameter.minimum, factor * parameter.maximum
+        assert (declared.min_value, declared.max_value) == pytest.approx(limits, rel=1e-6)
         assert (declared.subtype == "DISTANCE") == (parameter.unit == "m")
     assert {parameter.name for parameter in FAMILIES[preset.family].live} < set(preset.parameters)
 

@@ -129,7 +129,8 @@ def test_property_mirrors_its_declaration(enabled, family, parameter):
         case "bool":
             assert value is parameter.default
         case "path":
-            assert (value, shown.subtype, shown.length_max) == (parameter.default, "FILE_PATH", parameter.maximum + 1)  # Blender counts the end
+            # Blender counts the end of the text too.
+            assert (value, shown.subtype, shown.length_max) == (parameter.default, "FILE_PATH", parameter.maximum + 1)
         case _:
             low, high = parameter.soft_range
             limits = (shown.hard_min, shown.hard_max, shown.soft_min, shown.soft_max)

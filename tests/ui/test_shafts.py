@@ -30,7 +30,8 @@ def wall():
     """A wall of four by four faces, two metres high, across +y, and a sun."""
     bpy.ops.wm.read_factory_settings()
     bpy.ops.object.light_add(type="SUN", rotation=(TILT, 0.0, TURN))
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4, size=2.0, location=(0.0, 0.0, 3.0), rotation=(math.pi / 2, 0, 0))
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4, size=2.0, location=(0.0, 0.0, 3.0),
+                                    rotation=(math.pi / 2, 0, 0))
     bpy.context.view_layer.update()
     return bpy.context.object
 
@@ -163,7 +164,8 @@ def test_the_shaft_is_lit_by_the_sun_of_the_scene(wall):
     way = 3.0
     camera = scene.camera
     camera.data.type, camera.data.ortho_scale = "ORTHO", 0.01
-    camera.matrix_world = Matrix(((0, 0, -1, -5), (-1, 0, 0, math.sin(TILT) * way), (0, 1, 0, 3 - math.cos(TILT) * way), (0, 0, 0, 1)))
+    camera.matrix_world = Matrix((
+        (0, 0, -1, -5), (-1, 0, 0, math.sin(TILT) * way), (0, 1, 0, 3 - math.cos(TILT) * way), (0, 0, 0, 1)))
     scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 256, False
     scene.cycles.use_adaptive_sampling, scene.cycles.device = False, "CPU"
     image = render.render_built(scene, 4, 4).mean(axis=(0, 1, 2))
@@ -171,3 +173,29 @@ def test_the_shaft_is_lit_by_the_sun_of_the_scene(wall):
     assert np.allclose(image, strength * np.array([1.0, 0.5, 0.25]), rtol=0.01)
     camera.location.z += 4.0
     assert np.array_equal(render.render_built(scene, 4, 4), np.zeros((1, 4, 4, 3)))
+
+
+def test_one_step_undoes_it(wall):
+    bpy.ops.ed.undo_push(message="before")
+    before = blocks()
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.ed.undo_push(message="Edit Mode")
+    assert bpy.ops.volumetrics.shafts("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert blocks() != before and bpy.context.mode == "OBJECT"
+    bpy.ops.ed.undo()
+    assert blocks() == before and bpy.context.mode == "EDIT_MESH"
+
+
+def test_a_picture_that_is_missing_adds_nothing(wall):
+    scene, before = bpy.context.scene, blocks()
+    with pytest.raises(ValueError, match="gobo_image = /no/such.png: there is no such file"):
+        items.add_item(scene, "godray", {"light": "projector", "gobo": "image", "gobo_image": "/no/such.png"}, "Slide")
+    assert blocks() == before and items.items(scene) == []
+
+
+@pytest.mark.parametrize(("changes", "known"), [
+    ({"light": "projector"}, True), ({"light": "projector", "falloff": "linear"}, False), ({"light": "projector", "near": 0.5}, False),
+    ({"light": "projector", "far": 4.0, "gobo": "water"}, False), ({"light": "spot"}, True), ({"light": "sun"}, True)])
+def test_the_panel_says_what_eevee_does_otherwise(wall, changes, known):
+    item = items.add_item(bpy.context.scene, "godray", changes, "Beam")
+    assert items.notes(item) == ([] if known else ["EEVEE's lights fall off with the square of the distance and have no near or far end"])

@@ -35,7 +35,7 @@ def temporary() -> Iterator[None]:
 
 def add_body(body: Body, name: str, collection: bpy.types.Collection, baked: LightGrid | None = None,
              material: bpy.types.Material | None = None) -> bpy.types.Object:
-    """The object that holds the body's media, with ``material`` or that of its family; in EEVEE it shines with ``baked`` light."""
+    """The object that holds the body's media, with ``material`` or its family's; in EEVEE it shines with ``baked`` light."""
     first = body.volumes[0]
     glow = light.picture(baked, body.domain.center, f"{name} light") if baked else None
     material = material or groups.material(body.family, body.values, body.domain, name, fields.fields_of(first, glow))

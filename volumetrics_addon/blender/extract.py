@@ -46,7 +46,8 @@ def sun(scene: bpy.types.Scene) -> Sun:
     """The strongest sun of the scene. Raises ValueError where there is none."""
     suns = [light for light in lights(scene)[0] if isinstance(light, Sun)]
     if not suns:
-        raise ValueError(f"{scene.name} has no sun whose light could come through; add a sun light and turn it towards the opening")
+        raise ValueError(f"{scene.name} has no sun whose light could come through; add a sun light and turn it towards the "
+                         "opening")
     return max(suns, key=lambda light: max(light.irradiance))
 
 

@@ -25,7 +25,8 @@ Socket = bpy.types.NodeSocket
 LIVE = ("gobo_softness", "gobo_scale", "gobo_rotation", "gobo_drift_right", "gobo_drift_up", "gobo_time")
 
 
-def group(values: Mapping[str, Any], light: Projector, name: str, owner: bpy.types.Material, node: bpy.types.Node) -> bpy.types.NodeTree:
+def group(values: Mapping[str, Any], light: Projector, name: str, owner: bpy.types.Material,
+          node: bpy.types.Node) -> bpy.types.NodeTree:
     """A group from the place (aspect u, v) in the frustum to the share of the light that passes, in colour.
 
     ``node`` of the material ``owner`` has the family's live parameters as sockets; they drive the group.
@@ -97,8 +98,9 @@ def _blinds(build, x, y, softness, seed, time, name):
 
 def _noise(build: Tree, x: Socket, y: Socket, z: Socket, detail: float, seed: int) -> Socket:
     place = build.vector("ADD", build.combine(x, y, z), tuple(noise.seed_offset(seed)))
-    return build.node("ShaderNodeTexNoise", {"Vector": place, "Scale": 1.0, "Detail": detail, "Roughness": 0.5, "Lacunarity": 2.0,
-                                             "Distortion": 0.0}, noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
+    return build.node("ShaderNodeTexNoise", {
+        "Vector": place, "Scale": 1.0, "Detail": detail, "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0,
+    }, noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
 
 
 def _leaves(build, x, y, softness, seed, time, name):
@@ -147,10 +149,11 @@ def _stained_glass(build, x, y, softness, seed, time, name):
 
 def _image(build: Tree, x: Socket, y: Socket, aspect: float, values: Mapping[str, Any], name: str) -> Socket:
     """The file's picture at its resolution in the beam, bilinear between its pixels."""
-    pixels = gobo.resampled(pictures.read("gobo_image", values["gobo_image"]), aspect=aspect, resolution=values["gobo_resolution"])
+    pixels = gobo.resampled(pictures.read("gobo_image", values["gobo_image"]), aspect=aspect,
+                            resolution=values["gobo_resolution"])
     place = build.combine(build.math("MULTIPLY_ADD", x, 0.5 / aspect, 0.5), build.math("MULTIPLY_ADD", y, 0.5, 0.5), 0.0)
-    node = build.node("ShaderNodeTexImage", {"Vector": place}, image=packed(f"{name} picture", pixels[::-1]), interpolation="Linear",
-                      extension="REPEAT")
+    node = build.node("ShaderNodeTexImage", {"Vector": place}, image=packed(f"{name} picture", pixels[::-1]),
+                      interpolation="Linear", extension="REPEAT")
     return socket_of(node.outputs, "Color")
 
 

@@ -19,7 +19,7 @@ from mathutils import Matrix, Vector
 from ..parameters.families import FAMILIES
 from ..parameters.model import decimal
 from ..plan.model import CYCLES, EEVEE
-from ..plan.rules import is_baked, light_resolution, participation, plan
+from ..plan.rules import eevee_lights, is_baked, light_resolution, participation, plan
 from ..reference import light_grid
 from ..scene import assemble
 from ..scene.bake import voxelized
@@ -84,6 +84,16 @@ def effective(item: bpy.types.Collection) -> list[str]:
     if is_baked(values):
         values["density"] = "baked"
     return [parameter.name for parameter in family.live if family.applies(parameter.name, values)]
+
+
+def notes(item: bpy.types.Collection) -> list[str]:
+    """What an engine does otherwise than the item's parameters say."""
+    values = values_of(item)
+    if record(item)["family"] != "godray" or values["light"] != "projector":
+        return []
+    # Without pictures: panels ask often.
+    plain = assemble.ASSEMBLERS["godray"]({**values, "gobo": "none", "blocker": "none"}, None)
+    return list(filter(None, [eevee_lights(plain.lights)]))
 
 
 def _volume(item: bpy.types.Collection) -> tuple[dict[str, Any], Volume]:
@@ -172,7 +182,8 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     return place_item(scene, family, values, item, label, orders)
 
 
-def place_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], item: Item, label: str, orders: int = 1) -> bpy.types.Collection:
+def place_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], item: Item, label: str,
+               orders: int = 1) -> bpy.types.Collection:
     """Add what a family has made of checked values to the scene: one object for each domain, all with one material."""
     # The camera is not known here; a planet's ground is seen from about where it passes through the origin.
     eye = (0.0, 0.0, values.get("base_height", 0.0))

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import bpy
 
@@ -20,7 +21,10 @@ MOST = 256  # shafts of one item: each is an object
 
 
 def outlines(body: bpy.types.Object, only_selected: bool) -> tuple[list[tuple[int, ...]], list[Vector]]:
-    """Convex polygons of the mesh, as indices of the points, and these in world space; faces that are bent or not convex as triangles."""
+    """Convex polygons of the mesh, as indices of the points, and these in world space.
+
+    Faces that are bent or not convex come as triangles.
+    """
     data = body.data
     points = [tuple(body.matrix_world @ vertex.co) for vertex in data.vertices]
     data.calc_loop_triangles()
@@ -39,7 +43,8 @@ def outlines(body: bpy.types.Object, only_selected: bool) -> tuple[list[tuple[in
     return [outline for outline in found if math.hypot(*area([points[index] for index in outline])) > 0.0], points
 
 
-def add_shafts(scene: bpy.types.Scene, body: bpy.types.Object, only_selected: bool, changes: dict) -> tuple[bpy.types.Collection, list[str]]:
+def add_shafts(scene: bpy.types.Scene, body: bpy.types.Object, only_selected: bool,
+               changes: Mapping[str, Any]) -> tuple[bpy.types.Collection, list[str]]:
     """A godray whose haze fills the light of the scene's sun behind the faces of a mesh, and warnings about what was left out.
 
     Neighbouring faces in one plane that make a convex outline become one shaft. ``changes`` are values of the family, such as
@@ -47,20 +52,23 @@ def add_shafts(scene: bpy.types.Scene, body: bpy.types.Object, only_selected: bo
     added.
     """
     if body is None or body.type != "MESH":
-        raise ValueError("shafts come through the faces of a mesh; make a mesh the active object and select faces of its openings")
+        raise ValueError("shafts come through the faces of a mesh; make a mesh the active object and select faces of its "
+                         "openings")
     direction = extract.sun(scene).direction
     faces, points = outlines(body, only_selected)
     if not faces:
-        raise ValueError(f"no face of {body.name} is selected; select the faces of its openings in Edit Mode" if only_selected else
-                         f"{body.name} has no faces; take a mesh whose faces are the openings")
+        raise ValueError(f"no face of {body.name} is selected; select the faces of its openings in Edit Mode" if only_selected
+                         else f"{body.name} has no faces; take a mesh whose faces are the openings")
     lit = [face for face in faces if sine_of([points[i] for i in face], direction) >= GRAZING]
     if not lit:
         raise ValueError(f"the sun shines along every chosen face of {body.name}; turn the sun or choose other faces")
     warnings = [f"{len(faces) - len(lit)} faces are left out: the sun shines along them"] if len(lit) < len(faces) else []
     parts = convex_parts(lit, points, direction)
     if len(parts) > MOST:
-        raise ValueError(f"the faces make {len(parts)} shafts, at most {MOST} are allowed; choose the openings alone, with fewer faces")
-    values = FAMILIES["godray"].check({"light": "sun", "irradiance": 0.0, "blocker": "none", **changes, **_opening(parts, direction)})
+        raise ValueError(f"the faces make {len(parts)} shafts, at most {MOST} are allowed; choose the openings alone, with "
+                         "fewer faces")
+    values = FAMILIES["godray"].check(
+        {"light": "sun", "irradiance": 0.0, "blocker": "none", **changes, **_opening(parts, direction)})
     return items.place_item(scene, "godray", values, Item(shafts(values, parts, direction)), LABEL), warnings
 
 
@@ -72,6 +80,7 @@ def _opening(parts: Sequence[Sequence[Vector]], direction: Vector) -> dict:
     azimuth, tilt = math.atan2(normal[0], normal[1]) if flat > 1e-6 else 0.0, math.atan2(-normal[2], flat)
     facing, right = (math.sin(azimuth), math.cos(azimuth), 0.0), (math.cos(azimuth), -math.sin(azimuth), 0.0)
     up = add(scaled((0.0, 0.0, 1.0), math.cos(tilt)), scaled(facing, math.sin(tilt)))
-    width, height = (max(dot(corner, axis) for corner in largest) - min(dot(corner, axis) for corner in largest) for axis in (right, up))
-    return {"location": center, "target": add(center, direction), "opening_width": max(width, 1e-3), "opening_height": max(height, 1e-3),
+    spans = [[dot(corner, axis) for corner in largest] for axis in (right, up)]
+    width, height = (max(1e-3, max(span) - min(span)) for span in spans)
+    return {"location": center, "target": add(center, direction), "opening_width": width, "opening_height": height,
             "opening_azimuth": math.degrees(azimuth), "opening_tilt": math.degrees(tilt)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Godray: a spot light or a projector in haze, or the sun through an opening, with blockers that cut the beam into streaks."""
+"""Godray: a lamp or a projector in haze, or the sun through an opening, with blockers that cut the beam into streaks."""
 
 from .model import Group, Parameter
 from .shared import ALBEDO, EXTINCTION, G, LOCATION, having
@@ -17,18 +17,20 @@ GODRAY = Group(
         Parameter("light", "choice", "spot", "A round spot, a projector with a picture in its light, or the sun through openings.",
                   choices=(("spot", "Spot"), ("projector", "Projector"), ("sun", "Sun"))),
         having(LOCATION, (0.0, 0.0, 6.0), description="Position of the light in world space, or middle of the opening."),
-        Parameter("target", "vector", (0.0, 0.0, 0.0), "Point the light looks at; sunlight goes from the opening to there.", unit="m", minimum=-1e6, maximum=1e6),
+        Parameter("target", "vector", (0.0, 0.0, 0.0), "Point the light looks at; sunlight goes from the opening to there.",
+                  unit="m", minimum=-1e6, maximum=1e6),
         Parameter("power", "float", 2000.0, "Power of the light as Blender counts it: intensity power / (4 pi).",
                   unit="W", minimum=0.0, maximum=1e9, soft_maximum=1e5, when=LAMP),
-        Parameter("irradiance", "float", 3.0, "Irradiance of the sun on a surface that faces it; 0 adds no sun, that of the scene lights the "
-                  "shafts.", unit="W/m2", minimum=0.0, maximum=1e6, soft_maximum=100.0, when=SUN),
-        Parameter("opening_width", "float", 1.0, "Width of the opening.", unit="m", minimum=1e-3, maximum=1e4, soft_maximum=20.0, when=SUN),
+        Parameter("irradiance", "float", 3.0, "Irradiance of the sun on a surface that faces it; 0 adds no sun, that of the scene "
+                  "lights the shafts.", unit="W/m2", minimum=0.0, maximum=1e6, soft_maximum=100.0, when=SUN),
+        Parameter("opening_width", "float", 1.0, "Width of the opening.", unit="m", minimum=1e-3, maximum=1e4, soft_maximum=20.0,
+                  when=SUN),
         Parameter("opening_height", "float", 2.0, "Height of the opening.", unit="m", minimum=1e-3, maximum=1e4, soft_maximum=20.0,
                   when=SUN),
-        Parameter("opening_azimuth", "float", 0.0, "Direction in which the opening faces, from +y (north) towards +x (east).", unit="deg",
-                  minimum=-360.0, maximum=360.0, when=SUN),
-        Parameter("opening_tilt", "float", 0.0, "How far the opening leans back: 0 in a wall, 90 in a level roof.", unit="deg", minimum=-90.0,
-                  maximum=90.0, when=SUN),
+        Parameter("opening_azimuth", "float", 0.0, "Direction in which the opening faces, from +y (north) towards +x (east).",
+                  unit="deg", minimum=-360.0, maximum=360.0, when=SUN),
+        Parameter("opening_tilt", "float", 90.0, "How far the opening leans back: 0 in a wall, 90 in a level roof.", unit="deg",
+                  minimum=-90.0, maximum=90.0, when=SUN),
         Parameter("shaft_end", "choice", "floor", "Where the haze behind an opening ends: on the floor, or after its length.",
                   choices=(("floor", "Floor"), ("length", "Length")), when=SUN),
         Parameter("floor_height", "float", 0.0, "Height of the floor on which the light falls.", unit="m", minimum=-1e6, maximum=1e6,
@@ -61,11 +63,11 @@ GODRAY = Group(
         having(EXTINCTION, 0.05, soft_maximum=1.0),
         having(ALBEDO, (0.9, 0.9, 0.9)),
         having(G, 0.5),
-        Parameter("ambient", "float", 0.0, "Radiance that reaches all of the haze from all sides, unshadowed and undimmed, and is scattered "
-                  "once.", unit="W/(m2 sr)", minimum=0.0, maximum=1e6, soft_maximum=10.0, live=True),
+        Parameter("ambient", "float", 0.0, "Radiance that reaches all of the haze from all sides, unshadowed and undimmed, and is "
+                  "scattered once.", unit="W/(m2 sr)", minimum=0.0, maximum=1e6, soft_maximum=10.0, live=True),
         Parameter("ambient_color", "color", (1.0, 1.0, 1.0), "Colour of the ambient light.", minimum=0.0, maximum=1.0, live=True),
-        Parameter("dust_strength", "float", 0.0, "Unevenness of the haze, whose density is 1 + strength times noise between -1 and 1; 0 leaves "
-                  "its nodes out.", minimum=0.0, maximum=10.0, soft_maximum=2.0),
+        Parameter("dust_strength", "float", 0.0, "Unevenness of the haze, whose density is 1 + strength times noise between -1 and 1; 0 "
+                  "leaves its nodes out.", minimum=0.0, maximum=10.0, soft_maximum=2.0),
         Parameter("dust_size", "float", 1.0, "Size of the largest swathes.", unit="m", minimum=1e-3, maximum=1e5, soft_minimum=0.05,
                   soft_maximum=20.0, live=True, when=DUST),
         Parameter("dust_drift", "vector", (0.0, 0.0, 0.0), "Velocity at which the swathes drift.", unit="m/s", minimum=-1e3, maximum=1e3,
@@ -76,13 +78,14 @@ GODRAY = Group(
         Parameter("gobo", "choice", "none", "Picture in the projector's light.",
                   choices=(("none", "None"), ("window", "Window"), ("blinds", "Blinds"), ("leaves", "Leaves"), ("water", "Water"),
                            ("stained_glass", "Stained glass"), ("image", "Image file")), when=PROJECTOR),
-        Parameter("gobo_image", "path", "", "Picture file, which fills the frustum at scale 1 and repeats; what is transparent in it lets "
-                  "the light through.", maximum=1000, when=("gobo", "image"), title="Image file"),
+        Parameter("gobo_image", "path", "", "Picture file, which fills the frustum at scale 1 and repeats; what is transparent in it "
+                  "lets the light through.", maximum=1000, when=("gobo", "image"), title="Image file"),
         Parameter("gobo_count", "int", 4, "Panes, slats, leaves or ripples across the height of the picture.", minimum=1,
                   maximum=64, when=PATTERN),
         Parameter("gobo_softness", "float", 0.1, "Share of a pane, slat or leaf over which its edges fade.", minimum=0.0,
                   maximum=1.0, live=True, when=PATTERN),
-        Parameter("gobo_scale", "float", 1.0, "Size of the pattern.", minimum=0.01, maximum=100.0, soft_maximum=10.0, live=True, when=GOBO),
+        Parameter("gobo_scale", "float", 1.0, "Size of the pattern.", minimum=0.01, maximum=100.0, soft_maximum=10.0, live=True,
+                  when=GOBO),
         Parameter("gobo_rotation", "float", 0.0, "Rotation of the pattern in the beam.", unit="deg", minimum=-360.0,
                   maximum=360.0, live=True, when=GOBO),
         Parameter("gobo_drift_right", "float", 0.0, "Speed of the pattern to the right, in half heights of the picture.",
@@ -93,7 +96,8 @@ GODRAY = Group(
                   live=True, when=GOBO),
         Parameter("gobo_seed", "int", 0, "Another number makes another picture of leaves, water or glass.", minimum=0,
                   maximum=9999, when=PATTERN),
-        Parameter("gobo_resolution", "int", 64, "Pixels along the longer side of the picture.", minimum=2, maximum=512, when=GOBO),
+        Parameter("gobo_resolution", "int", 64, "Pixels along the longer side of the picture that stands for a pattern on a stage, or "
+                  "for a file.", minimum=2, maximum=512, when=GOBO),
         Parameter("blocker", "choice", "slats", "What stands in the beam.",
                   choices=(("none", "Nothing"), ("slats", "Slats"), ("window", "Window bars"))),
         Parameter("blocker_count", "int", 5, "Number of bars across the beam or opening (each way, for a window).",

@@ -16,8 +16,8 @@ from typing import Any
 from ..scene.body import Body
 from ..scene.channels import mixes
 from ..scene.model import (
-    Box, Cone, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, NoiseShape, Scene, Shape, Sun,
-    Vector, Volume,
+    Box, Cone, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light, NoiseShape, Projector,
+    Scene, Shape, Sun, Vector, Volume,
 )
 from .model import CYCLES, Plan
 
@@ -322,6 +322,14 @@ def eevee_unit(scene: Scene) -> float:
         return 1.0
     size = max(2.0 * reach(scene, scene.camera.position), 1e-300)
     return max(1.0, 10.0 ** math.floor(math.log10(min(10.0 / max(coefficients), size))))
+
+
+def eevee_lights(lights: Sequence[Light]) -> str:
+    """What EEVEE cannot do of these lights; empty where it can do all."""
+    if any(isinstance(light, Projector) and (light.falloff != 2 or light.near > 0.0 or math.isfinite(light.far))
+           for light in lights):
+        return "EEVEE's lights fall off with the square of the distance and have no near or far end"
+    return ""
 
 
 def light_resolution(volume: Volume, values: Mapping[str, Any]) -> int:

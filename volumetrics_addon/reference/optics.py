@@ -10,8 +10,8 @@ from ..physics import phase as phase_functions
 from ..physics.transmittance import height_optical_depth
 from ..scene import geometry, noise
 from ..scene.model import (
-    AnyPhase, Dust, ExponentialAltitude, ExponentialHeight, Grid, Hull, MiePhase, NoiseShape, Projector, RayleighPhase, Scene, Spot, Sun,
-    Volume,
+    AnyPhase, Dust, ExponentialAltitude, ExponentialHeight, Grid, Hull, MiePhase, NoiseShape, Projector, RayleighPhase, Scene,
+    Spot, Sun, Volume,
 )
 
 Array = np.ndarray

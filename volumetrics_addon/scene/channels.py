@@ -41,7 +41,8 @@ def _grey(color: Color, index: int) -> Color:
 
 def _volume(volume: Volume, index: int) -> Volume:
     medium = volume.medium
-    return replace(volume, medium=replace(medium, sigma_s=_grey(medium.sigma_s, index), sigma_a=_grey(medium.sigma_a, index), ambient=_grey(medium.ambient, index)))
+    colors = {name: _grey(getattr(medium, name), index) for name in ("sigma_s", "sigma_a", "ambient")}
+    return replace(volume, medium=replace(medium, **colors))
 
 
 def _light(light: Light, index: int) -> Light:

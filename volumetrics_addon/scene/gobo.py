@@ -59,7 +59,8 @@ def resampled(pixels: np.ndarray, *, aspect: float, resolution: int, scale: floa
     return _averaged(tile[row, column])
 
 
-def _plane(aspect: float, resolution: int, scale: float, rotation: float, drift: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+def _plane(aspect: float, resolution: int, scale: float, rotation: float,
+           drift: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """The pattern's coordinates x and y at ``OVERSAMPLING``^2 points of every pixel."""
     columns, rows = (max(1, round(resolution * min(1.0, side))) for side in (aspect, 1.0 / aspect))
     u = aspect * ((np.arange(columns * OVERSAMPLING) + 0.5) / (columns * OVERSAMPLING) * 2.0 - 1.0)
@@ -113,13 +114,14 @@ def _leaves(x, y, softness, seed, time):
 
 def _water(x, y, softness, seed, time):
     """Bright lines as the sun's caustics below waves: where two layers of noise cross their middle. The mean is near 1 / 2."""
-    lines = [np.abs(2.0 * _noise(x, y, WATER_RATE * time + WATER_STEP * layer, 0.0, seed + layer) - 1.0) for layer in range(WATER_LAYERS)]
+    lines = [np.abs(2.0 * _noise(x, y, WATER_RATE * time + WATER_STEP * layer, 0.0, seed + layer) - 1.0)
+             for layer in range(WATER_LAYERS)]
     width = WATER_LINE + WATER_SOFTER * softness
     return np.clip(WATER_FLOOR + sum(np.exp(-((line / width) ** 2)) for line in lines) / WATER_LAYERS, 0.0, 1.0)
 
 
 def _stained_glass(x, y, softness, seed, time):
-    """Cells of coloured glass with lead between them: a random point and colour in each cell of a lattice, every PERIOD cells again."""
+    """Cells of coloured glass with lead between them: each cell of a lattice has a random point and colour."""
     points, colors = cells(seed)
     first, second, color = np.full(x.shape, np.inf), np.full(x.shape, np.inf), np.zeros((*x.shape, 3))
     i, j = np.floor(x), np.floor(y)
@@ -136,7 +138,7 @@ def _stained_glass(x, y, softness, seed, time):
 
 
 def cells(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (PERIOD, PERIOD, 2) in the unit cells of stained glass and their colours (PERIOD, PERIOD, 3), by row and column modulo PERIOD."""
+    """Points (PERIOD, PERIOD, 2) in the unit cells of stained glass and their colours (..., 3), by row and column modulo PERIOD."""
     index = (np.arange(PERIOD) + PERIOD // 2) % PERIOD - PERIOD // 2
     a, b = np.meshgrid(index, index)
     hashed = [_hash(a, b, seed, k) for k in range(3)]

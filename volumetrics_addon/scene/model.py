@@ -185,8 +185,9 @@ class NoiseShape:
 
 @dataclass(frozen=True)
 class Dust:
-    """Drifting haze: density max(0, 1 + strength (2 n - 1)), n the normalised fractal noise in [0, 1] at (p - drift) / size + offset(seed).
+    """Drifting haze: density max(0, 1 + strength (2 n - 1)), with n the normalised fractal noise in [0, 1].
 
+    It is taken at (p - drift) / size + offset(seed).
     Its mean is near 1 while strength <= 1; a larger one leaves clear air between the swathes.
     """
 

@@ -93,7 +93,8 @@ def numpy_evaluator():
 
 
 def implementation(compiled):
-    """Functions noise(x, y, z, detail, roughness), margin and density of a row of ``numbers`` that begins at ``at``, and dust of its own.
+    """Functions noise(x, y, z, detail, roughness), and margin and density of a row of ``numbers`` that begins at ``at``, and
+    dust of a row of ``dust_numbers``.
 
     Their parts are passed through ``compiled``, and there is only arithmetic that scalars and arrays share.
     """

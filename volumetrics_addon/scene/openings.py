@@ -135,8 +135,8 @@ def shaft(polygon: Sequence[Vector], direction: Vector, *, length: float | None 
     normal = normalized(area(polygon))
     facing = dot(normal, direction)
     if abs(facing) < GRAZING:
-        raise ValueError(f"the sun shines along the opening, {math.degrees(math.asin(abs(facing))):.1f} degrees from its plane (at least "
-                         f"{math.degrees(GRAZING):.1f} are needed); turn the sun or choose another opening")
+        raise ValueError(f"the sun shines along the opening, {math.degrees(math.asin(abs(facing))):.1f} degrees from its plane (at "
+                         f"least {math.degrees(GRAZING):.1f} are needed); turn the sun or choose another opening")
     if facing < 0.0:
         polygon, normal, facing = tuple(reversed(polygon)), scaled(normal, -1.0), -facing
     # Into one plane, along the light: what passes stays the same.
@@ -147,8 +147,8 @@ def shaft(polygon: Sequence[Vector], direction: Vector, *, length: float | None 
     else:
         lowest, highest = (f(corner[2] for corner in flat) for f in (min, max))
         if direction[2] > -GRAZING:
-            raise ValueError(f"the light does not fall to the floor: its direction is {direction}; let the sun shine downwards, or end "
-                             "the shaft after a length")
+            raise ValueError(f"the light does not fall to the floor: its direction is {direction}; let the sun shine downwards, or "
+                             "end the shaft after a length")
         if lowest < floor - 1e-6 * max(1.0, abs(floor), highest - lowest) or highest <= floor:
             raise ValueError(f"the opening reaches down to {lowest:g} m, below the floor at {floor:g} m; lower the floor")
         level = floor - BELOW * (highest - floor)

@@ -15,12 +15,13 @@ from typing import Any
 from ..parameters.model import Group
 from .body import Body
 from .model import (
-    Box, Camera, Cone, Density, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light, Medium, NoiseShape,
-    Point, Projector, Scene, Shape, Spot, Sun, Volume, scaled as times,
+    Box, Camera, Cone, Density, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light, Medium,
+    NoiseShape, Point, Projector, Scene, Shape, Spot, Sun, Volume, scaled as times,
 )
 
 # Power of the length in each unit that parameters are declared in.
-DIMENSIONS = {"": 0, "deg": 0, "m": 1, "1/m": -1, "1/km": -1, "W": 2, "m/s": 1, "s": 0, "1/s": 0, "um": 0, "W/m2": 0, "W/(m2 sr)": 0}
+DIMENSIONS = {"": 0, "deg": 0, "m": 1, "1/m": -1, "1/km": -1, "W": 2, "m/s": 1, "s": 0, "1/s": 0, "um": 0, "W/m2": 0,
+              "W/(m2 sr)": 0}
 
 
 def scaled(scene: Scene, factor: float) -> Scene:

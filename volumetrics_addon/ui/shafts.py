@@ -58,7 +58,8 @@ class VOLUMETRICS_PT_shafts(bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         body = context.active_object
-        self.layout.label(text=f"Faces of {body.name}" if body is not None and body.type == "MESH" else "Select the faces of a window")
+        is_mesh = body is not None and body.type == "MESH"
+        self.layout.label(text=f"Faces of {body.name}" if is_mesh else "Select the faces of a window")
         self.layout.operator("volumetrics.shafts", icon="LIGHT_SUN")
 
 

@@ -23,8 +23,8 @@ def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shap
     strength = build.math("MULTIPLY", extinction, inputs["ambient"])
     seen = socket_of(build.node("ShaderNodeLightPath").outputs, "Is Camera Ray")
     strengths = {"Cycles Volume": build.math("MULTIPLY", strength, seen), "EEVEE Volume": strength}
-    return {label: build.shader_sum(shader, build.node("ShaderNodeEmission", {"Color": color, "Strength": strengths[label]}).outputs[0])
-            for label, shader in haze.items()}
+    glows = {label: build.node("ShaderNodeEmission", {"Color": color, "Strength": strengths[label]}).outputs[0] for label in haze}
+    return {label: build.shader_sum(shader, glows[label]) for label, shader in haze.items()}
 
 
 def dust(build: Tree, inputs: Sockets, values: Mapping[str, Any]) -> Any:

@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 from ..model import (
-    Box, Cone, Density, Dust, Homogeneous, Hull, Light, Medium, Phase, Projector, Shape, Spot, Sun, Surface, Vector, Volume, add, cross, look_frame, normalized,
-    scaled, subtract, swept,
+    Box, Cone, Density, Dust, Homogeneous, Hull, Light, Medium, Phase, Projector, Shape, Spot, Sun, Surface, Vector, Volume, add,
+    cross, look_frame, normalized, scaled, subtract, swept,
 )
 from ..openings import shaft
 from .item import Bounds, Item, scattering
@@ -53,28 +53,32 @@ def assemble(values: Mapping[str, Any], bounds: Bounds | None = None) -> Item:
     wide = min(half_angle * CONE_CLEARANCE, math.radians(85.0))
     domain: Shape
     if values["domain"] == "box" or len(lights) > 1:
-        sides = (length * math.tan(wide),) * 2 if values["light"] == "spot" else tuple(length * CONE_CLEARANCE * slope for slope in slopes)
+        spread = (math.tan(wide),) * 2 if values["light"] == "spot" else tuple(CONE_CLEARANCE * slope for slope in slopes)
+        sides = tuple(length * slope for slope in spread)
         middle = add(apex, scaled(axis, (near + length) / 2))
         domain = Box(middle, (sides[0] + max(steps), sides[1], (length - near) / 2), (right, up, back))
     elif values["light"] == "spot" or (values["frustum"] == "elliptic" and slopes[0] == slopes[1] and near == 0.0):
         domain = Cone(apex, axis, wide, length)
     else:
-        domain = _frustum(apex, (right, up, axis), tuple(CONE_CLEARANCE * slope for slope in slopes), near or NEAREST * length, length)
-    return Item([_volume(values, domain)], lights, [Surface(box, (0.0, 0.0, 0.0)) for box in _blockers(values, apex, axis, half_angle)])
+        wider = tuple(CONE_CLEARANCE * slope for slope in slopes)
+        domain = _frustum(apex, (right, up, axis), wider, near or NEAREST * length, length)
+    bars = _blockers(values, apex, axis, half_angle)
+    return Item([_volume(values, domain)], lights, [Surface(box, (0.0, 0.0, 0.0)) for box in bars])
 
 
 def _haze(values: Mapping[str, Any]) -> Medium:
     density: Density = Homogeneous()
     if values["dust_strength"] > 0.0:
-        density = Dust(values["dust_strength"], values["dust_size"], values["dust_seed"], scaled(values["dust_drift"], values["dust_time"]))
+        drift = scaled(values["dust_drift"], values["dust_time"])
+        density = Dust(values["dust_strength"], values["dust_size"], values["dust_seed"], drift)
     return Medium(*scattering(values), Phase(values["g"]), density, scaled(values["ambient_color"], values["ambient"]))
 
 
 def _volume(values: Mapping[str, Any], domain: Shape) -> Volume:
     """The haze in a domain. Raises ValueError for dust in one that is too thin for the engines."""
     if values["dust_strength"] > 0.0 and thickness(domain) < THINNEST:
-        raise ValueError(f"dust needs a volume at least {THINNEST:g} m thick, got {thickness(domain):g} m; let the beam be wider and longer, "
-                         "or set dust_strength to 0")
+        raise ValueError(f"dust needs a volume at least {THINNEST:g} m thick, got {thickness(domain):g} m; let the beam be wider "
+                         "and longer, or set dust_strength to 0")
     return Volume(domain, _haze(values))
 
 
