@@ -144,7 +144,8 @@ def test_faces_along_the_sun_are_left_out_with_a_warning(wall):
     from volumetrics_addon.blender import shafts
 
     _, warnings = shafts.add_shafts(bpy.context.scene, bpy.context.object, False, {})
-    assert warnings == ["2 faces are left out: the sun shines along them"]
+    assert warnings == ["2 faces are left out: the sun shines along them", "2 shafts are left out: they begin in those of other faces"]
+    assert len(items.items(bpy.context.scene)[-1].objects) == 2  # of the four others two lie behind
 
 
 def test_the_shaft_is_lit_by_the_sun_of_the_scene(wall):

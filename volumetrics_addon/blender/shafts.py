@@ -8,10 +8,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ..parameters.families import FAMILIES
 from ..scene.families.godray import shafts
 from ..scene.families.item import Item
+from ..scene.geometry import contains
 from ..scene.model import Vector, add, normalized, scaled
 from ..scene.openings import GRAZING, area, convex_parts, dot, is_convex, is_flat, middle, sine_of
 from . import extract, items
@@ -69,7 +71,12 @@ def add_shafts(scene: bpy.types.Scene, body: bpy.types.Object, only_selected: bo
                          "fewer faces")
     values = FAMILIES["godray"].check(
         {"light": "sun", "irradiance": 0.0, "blocker": "none", **changes, **_opening(parts, direction)})
-    return items.place_item(scene, "godray", values, Item(shafts(values, parts, direction)), LABEL), warnings
+    volumes = shafts(values, parts, direction)
+    first = [volume for part, volume in zip(parts, volumes) if not any(
+        contains(other.domain, np.array([middle(part)]))[0] for other in volumes if other is not volume)]
+    if len(first) < len(volumes):
+        warnings.append(f"{len(volumes) - len(first)} shafts are left out: they begin in those of other faces")
+    return items.place_item(scene, "godray", values, Item(first), LABEL), warnings
 
 
 def _opening(parts: Sequence[Sequence[Vector]], direction: Vector) -> dict:
