@@ -8,10 +8,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from volumetrics_addon.blender import build, compat, gobo as nodes, items, render, settings  # noqa: E402
+from volumetrics_addon.blender import compat, items, objects, render, settings  # noqa: E402
 from volumetrics_addon.blender.nodes import Tree  # noqa: E402
 from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
-from volumetrics_addon.parameters.preset import Preset  # noqa: E402
 from volumetrics_addon.parameters.stage import STAGE  # noqa: E402
 from volumetrics_addon.scene import assemble, gobo  # noqa: E402
 from volumetrics_addon.verify import reference_of  # noqa: E402
@@ -102,8 +101,6 @@ def test_a_keyframe_moves_the_light():
         described = assemble.scene("godray", values, stage, ())
         scene.frame_set(frame)
         if scene.camera is None:
-            from volumetrics_addon.blender import objects
-
             scene.camera = objects.camera(described.camera, (0.01, 100.0), "Camera", scene.collection)
             scene.render.engine = "CYCLES"
             settings.apply(scene, {"cycles.samples": 512, "cycles.use_denoising": False, "cycles.use_adaptive_sampling": False,

@@ -13,7 +13,7 @@ from volumetrics_addon.reference import (
 )
 from volumetrics_addon.scene import geometry
 from volumetrics_addon.scene.model import (
-    Box, Camera, Cone, Dielectric, Ellipsoid, Medium, MiePhase, NoiseShape, Phase, Projector, RayleighPhase, Scene, Spot,
+    Box, Camera, Cone, Dielectric, Ellipsoid, Medium, MiePhase, NoiseShape, Phase, RayleighPhase, Scene, Spot,
     Surface, Volume, normalized, turned,
 )
 

@@ -12,7 +12,7 @@ from volumetrics_addon.parameters.preset import load, names
 from volumetrics_addon.scene import assemble
 from volumetrics_addon.scene.describe import describe, describe_scene
 from volumetrics_addon.scene.model import (
-    Box, Camera, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Medium, MiePhase, Phase, RayleighPhase, Scene, Volume,
+    Box, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Medium, MiePhase, Phase, RayleighPhase, Volume,
 )
 
 BOX = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
