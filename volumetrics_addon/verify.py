@@ -17,14 +17,14 @@ from .compare.report import report_picture
 from .compare.statistics import Comparison, Estimate, compare
 from .parameters.preset import Preset
 from .plan.model import CYCLES, EEVEE
-from .plan.rules import bakes_light, compositor_loss_allowed, is_baked, light_resolution
+from .plan.rules import bakes_light, compositor_loss_allowed, eevee_lights, is_baked, light_resolution
 from .reference import depth_air, depth_fog
 from .reference.depth_air import SLICES
 from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
 from .scene.bake import voxelized
-from .scene.model import ExponentialAltitude, Phase, Projector, Scene
+from .scene.model import ExponentialAltitude, Phase, Scene
 
 # Default tolerances of the mean relative error; EEVEE approximates, so its error is stated and by default not judged.
 TOLERANCE = {CYCLES: 0.005, EEVEE: None}
@@ -165,8 +165,8 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
         one_lobe = len(phases) == 1 and all(isinstance(phase, Phase) and phase.weight == 0.0 for phase in phases)
         if not one_lobe and not all(baked):
             notes.append("EEVEE has one HG lobe, here with the mean cosine of the phase function")
-        if any(isinstance(light, Projector) and (light.falloff != 2 or light.near > 0.0) for light in scene.lights):
-            notes.append("EEVEE's lights fall off with the square of the distance and have no near end")
+        if note := eevee_lights(scene.lights):
+            notes.append(note)
         if scene.surfaces:
             notes.append("EEVEE does not dim the light that reaches surfaces through the medium")
         if max(scene.environment) > 0.0 and not all(baked):

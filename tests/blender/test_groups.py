@@ -4,6 +4,7 @@
 Rewrite the snapshots with:  VOLUMETRICS_UPDATE_SNAPSHOTS=1 python -m pytest tests/blender/test_groups.py
 """
 
+import math
 import os
 from pathlib import Path
 
@@ -66,6 +67,7 @@ def variants():
     yield "cloud-billows-mie", "cloud", {"billow_octaves": 3, "base": 0.1, "profile": "anvil", "phase": "mie"}, "storm"
     yield "fog", "fog", {}, "fog"
     yield "godray", "godray", {}, "beam"
+    yield "godray-dust", "godray", {"dust_strength": 1.5, "dust_seed": 3}, "beam"
     yield "glass-sphere", "glass", {}, "ball"
     yield "glass-block", "glass", {"shape": "block"}, "block"
     yield "glass-shell", "glass", {"shape": "shell"}, "shell"
@@ -111,9 +113,10 @@ def test_live_parameters_are_sockets_with_their_declaration(family):
         for socket, parameter in zip(sockets, FAMILIES[family].live):
             assert socket.description == parameter.description
             if parameter.kind in ("float", "int"):
-                assert socket.min_value == pytest.approx(parameter.minimum)
-                assert socket.max_value == pytest.approx(parameter.maximum)
-                assert socket.default_value == pytest.approx(parameter.default)
+                factor = math.radians(1.0) if parameter.unit == "deg" else 1.0
+                assert socket.min_value == pytest.approx(factor * parameter.minimum)
+                assert socket.max_value == pytest.approx(factor * parameter.maximum)
+                assert socket.default_value == pytest.approx(factor * parameter.default)
 
 
 def test_both_engines_get_an_output_of_their_own():

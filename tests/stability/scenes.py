@@ -149,7 +149,7 @@ SCENES: dict[str, Scene] = {
     "projector without depth": lit(replace(SLIDE, near=3.0, far=3.0)),
     "projector of falloff 0": lit(replace(SLIDE, falloff=0)),
     "projector with a gobo": lit(replace(SLIDE, gobo=np.array([[0.0, 1.0], [1e30, 0.0]]))),
-    "projector with ambient light": lit(replace(SLIDE, ambient=(0.1, 0.2, 0.3))),
+    "ambient light": lit(SLIDE, haze=replace(HAZE, ambient=(0.1, 0.2, 0.3))),
     "projector on the central ray": lit(replace(SLIDE, position=ORIGIN)),
     "sun along the ray": lit(Sun(AHEAD, (1.0, 1.0, 1.0))),
     "sun against the ray": lit(Sun((0.0, -1.0, 0.0), (1.0, 1.0, 1.0))),

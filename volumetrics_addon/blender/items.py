@@ -19,13 +19,15 @@ from mathutils import Matrix, Vector
 from ..parameters.families import FAMILIES
 from ..parameters.model import decimal
 from ..plan.model import CYCLES, EEVEE
-from ..plan.rules import is_baked, light_resolution, participation, plan
+from ..plan.rules import eevee_lights, is_baked, light_resolution, participation, plan
 from ..reference import light_grid
 from ..scene import assemble
 from ..scene.bake import voxelized
 from ..scene.body import Body
+from ..scene.families.item import Item
 from ..scene.model import Camera, Scene, Sun, Volume, add
-from . import build, compat, compositing, extract, fields, grid, groups, light, objects, settings
+from . import build, compat, compositing, extract, fields, gobo, grid, groups, light, objects, settings
+from .nodes import socket_factor
 
 KEY = "volumetrics"
 TAG = "volumetrics_item"
@@ -70,7 +72,7 @@ def values_of(item: bpy.types.Collection) -> dict[str, Any]:
             continue
         value = socket.default_value
         if parameter.kind == "float":
-            value = decimal(value)
+            value = decimal(value / socket_factor(parameter))
         elif parameter.kind in ("color", "vector"):
             value = tuple(map(decimal, tuple(value)[:3]))
         values[parameter.name] = value
@@ -87,6 +89,16 @@ def effective(item: bpy.types.Collection) -> list[str]:
     if "realisation" in values:
         values["realisation"] = "compositor" if mine.get("compositor") else "volume"
     return [parameter.name for parameter in family.live if family.applies(parameter.name, values)]
+
+
+def notes(item: bpy.types.Collection) -> list[str]:
+    """What an engine does otherwise than the item's parameters say."""
+    values = values_of(item)
+    if record(item)["family"] != "godray" or values["light"] != "projector":
+        return []
+    # Without pictures: panels ask often.
+    plain = assemble.ASSEMBLERS["godray"]({**values, "gobo": "none", "blocker": "none"}, None)
+    return list(filter(None, [eevee_lights(plain.lights)]))
 
 
 def _volume(item: bpy.types.Collection) -> tuple[dict[str, Any], Volume]:
@@ -168,13 +180,18 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     for name in ("location", "target"):
         if name in values:
             values[name] = add(values[name], offset)
-    composited = assemble.is_composited(values)
-    if composited:
+    if assemble.is_composited(values):
         compositing.check(scene)
     bounds = scene_bounds(scene) if family == "fog" else None
     item = assemble.ASSEMBLERS[family](values, bounds)
     if is_baked(values):
         item.volumes = tuple(voxelized(compat.as_evaluated(volume), values["resolution"]) for volume in item.volumes)
+    return place_item(scene, family, values, item, label, orders)
+
+
+def place_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], item: Item, label: str,
+               orders: int = 1) -> bpy.types.Collection:
+    """Add what a family has made of checked values to the scene: one object for each domain, all with one material."""
     # The camera is not known here; a planet's ground is seen from about where it passes through the origin.
     eye = (0.0, 0.0, values.get("base_height", 0.0))
     described = Scene(Camera(eye, (0.0, 1.0, 0.0), 1.0), item.lights, volumes=item.volumes,
@@ -183,19 +200,27 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     before = {name: set(getattr(bpy.data, name)) for name in _OWNED}
     collection = bpy.data.collections.new(label)
     scene.collection.children.link(collection)
-    medium = assemble.body(family, values, item.volumes)
-    if composited:
-        return _add_to_compositor(scene, medium, collection, label, orders, before)
-    domain = build.add_body(medium, label, collection)
-    cycles = plan(described, [medium], CYCLES, 1, has_null_scattering=compat.current().volume_biased)
-    build.set_volume_material(domain.material_slots[0].material, *cycles.volume_settings)
+    media = assemble.bodies(family, values, item.volumes)
+    if assemble.is_composited(values):
+        return _add_to_compositor(scene, media[0], collection, label, orders, before)
+    domain = build.add_body(media[0], label, collection)
+    material = domain.material_slots[0].material
+    cycles = plan(described, media, CYCLES, 1, has_null_scattering=compat.current().volume_biased)
+    # The rate counts in shares of each domain: the material takes the shortest steps.
+    build.set_volume_material(material, min(cycles.volume_settings, key=lambda chosen: chosen["volume_step_rate"]))
+    for medium in media[1:]:
+        build.add_body(medium, label, collection, material=material)
+    pattern = None
+    if item.lights and values.get("light") == "projector" and values["gobo"] != "none":
+        pattern = gobo.group(values, item.lights[0], f"{label} gobo", material,
+                             next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup"))
     for source in item.lights:
-        build.add_light(source, f"{label} light", collection, described)
+        build.add_light(source, f"{label} light", collection, described, live=pattern)
     for surface in item.surfaces:
         part = f"{label} {'ground' if family == 'air' else 'blocker'}"
         objects.body(surface.shape, part, objects.surface_material(surface, part), collection, eye)
-    if plan(described, [medium], EEVEE, 1).light_enclosure:
-        build.add_enclosure(described.lights, [medium], f"{label} light enclosure", collection)
+    if plan(described, media, EEVEE, 1).light_enclosure:
+        build.add_enclosure(described.lights, media, f"{label} light enclosure", collection)
 
     identity = _tag(before)
     for part in collection.objects:  # whatever belongs to the item moves with its domain

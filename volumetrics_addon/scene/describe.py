@@ -15,8 +15,8 @@ from .assemble import body
 from .body import Body
 from .families.air import PER_KILOMETRE
 from .model import (
-    Box, Camera, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase,
-    Projector, RayleighPhase, Scene, Volume,
+    Box, Camera, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase,
+    RayleighPhase, Scene, Volume,
 )
 
 GREY = 1e-9  # relative difference of the extinction between channels that counts as none
@@ -25,6 +25,8 @@ GREY = 1e-9  # relative difference of the extinction between channels that count
 def describe(volume: Volume) -> tuple[str, dict[str, Any]]:
     """Family and values of a volume. Raises ValueError when no family can express it."""
     medium = volume.medium
+    if medium.glows or isinstance(medium.density, Dust):
+        return "godray", _values("godray", _haze(medium))
     if volume.boundary is not None or (not medium.scatters and isinstance(medium.density, Homogeneous)):
         return "glass", _values("glass", _glass(volume))
     if not isinstance(medium.phase, (Phase, MiePhase)):
@@ -43,9 +45,6 @@ def describe(volume: Volume) -> tuple[str, dict[str, Any]]:
 
 def describe_scene(scene: Scene) -> list[Body]:
     """What the engines have to show. Raises ValueError with the reason when they cannot show the scene."""
-    for light in scene.lights:
-        if isinstance(light, Projector) and max(light.ambient) > 0.0:
-            raise ValueError(f"the engines' lights have no ambient term, got {light.ambient}; set it to 0")
     layers = _fog_layers(scene.volumes)
     air = [volume for volume in scene.volumes if isinstance(volume.medium.density, ExponentialAltitude)]
     bodies = [body(*describe(volume), (volume,)) for volume in scene.volumes if volume not in air and volume not in sum(layers, ())]
@@ -130,6 +129,18 @@ def _scattering(medium: Medium) -> dict[str, Any]:
                          "colour the albedo instead")
     return {"extinction": extinction, "albedo": tuple(s / extinction for s in medium.sigma_s),
             **({"g": medium.phase.g0} if isinstance(medium.phase, Phase) else {})}
+
+
+def _haze(medium: Medium) -> dict[str, Any]:
+    if not isinstance(medium.density, (Homogeneous, Dust)) or not isinstance(medium.phase, Phase) or medium.phase.weight > 0.0:
+        raise ValueError(f"ambient light is that of haze with one HG lobe, homogeneous or dusty, got {medium}; set it to 0")
+    values, strongest = _scattering(medium), max(medium.ambient)
+    if strongest > 0.0:
+        values |= {"ambient": strongest, "ambient_color": tuple(a / strongest for a in medium.ambient)}
+    if isinstance(medium.density, Dust):
+        dust = medium.density
+        values |= {"dust_strength": dust.strength, "dust_size": dust.size, "dust_seed": dust.seed, "dust_drift": dust.drift, "dust_time": 1.0}
+    return values
 
 
 def _glass(volume: Volume) -> dict[str, Any]:

@@ -184,6 +184,25 @@ class NoiseShape:
 
 
 @dataclass(frozen=True)
+class Dust:
+    """Drifting haze: density max(0, 1 + strength (2 n - 1)), with n the normalised fractal noise in [0, 1].
+
+    It is taken at (p - drift) / size + offset(seed).
+    Its mean is near 1 while strength <= 1; a larger one leaves clear air between the swathes.
+    """
+
+    strength: float
+    size: float
+    seed: int = 0
+    drift: Vector = (0.0, 0.0, 0.0)
+
+    @property
+    def largest(self) -> float:
+        """Bound of the density."""
+        return 1.0 + self.strength
+
+
+@dataclass(frozen=True)
 class ExponentialAltitude:
     """Density exp(-(|p - center| - radius) / scale_height): a planet's atmosphere, 1 at the ground."""
 
@@ -201,7 +220,7 @@ class Grid:
     high: Vector
 
 
-Density = Homogeneous | ExponentialHeight | NoiseShape | ExponentialAltitude | Grid
+Density = Homogeneous | ExponentialHeight | NoiseShape | Dust | ExponentialAltitude | Grid
 
 
 @dataclass(frozen=True)
@@ -236,12 +255,17 @@ AnyPhase = Phase | RayleighPhase | MiePhase
 
 @dataclass(frozen=True)
 class Medium:
-    """Scattering and absorption coefficients (1/m, per channel) where the density is 1."""
+    """Scattering and absorption coefficients (1/m, per channel) where the density is 1.
+
+    ``ambient`` is a radiance that reaches every point of the medium from all sides, unshadowed and undimmed, and is scattered
+    once: it stands for all light that has come from elsewhere, so its further orders are in it.
+    """
 
     sigma_s: Color
     sigma_a: Color
     phase: AnyPhase = Phase(0.0)
     density: Density = Homogeneous()
+    ambient: Color = (0.0, 0.0, 0.0)
 
     @property
     def sigma_t(self) -> Color:
@@ -250,6 +274,11 @@ class Medium:
     @property
     def scatters(self) -> bool:
         return max(self.sigma_s) > 0.0
+
+    @property
+    def glows(self) -> bool:
+        """Whether ambient light is scattered."""
+        return any(s * a > 0.0 for s, a in zip(self.sigma_s, self.ambient))
 
 
 @dataclass(frozen=True)
@@ -346,8 +375,7 @@ class Projector:
 
     ``horizontal_fov`` and ``vertical_fov`` are full angles in radians, ``near`` and ``far`` distances along
     ``direction`` (m). ``blend`` softens the edge as a share of the half width, ``elliptic`` rounds the frustum.
-    ``gobo`` is an image (rows, columns[, 3]) >= 0 in the light's way, ``ambient`` a radiance that reaches every point of
-    the media unshadowed and undimmed.
+    ``gobo`` is an image (rows, columns[, 3]) >= 0 in the light's way.
     """
 
     position: Vector
@@ -362,7 +390,6 @@ class Projector:
     blend: float = 0.0
     elliptic: bool = False
     gobo: Any = None
-    ambient: Color = (0.0, 0.0, 0.0)
 
 
 Light = Sun | Point | Spot | Projector
@@ -453,4 +480,4 @@ class Scene:
 
     @property
     def is_noisy(self) -> bool:
-        return any(isinstance(volume.medium.density, NoiseShape) for volume in self.volumes)
+        return any(isinstance(volume.medium.density, (NoiseShape, Dust)) for volume in self.volumes)
