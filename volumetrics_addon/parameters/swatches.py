@@ -48,7 +48,7 @@ SWATCHES: dict[str, Swatch] = {
     "cobalt": _from_color("Cobalt blue", (0.05, 0.14, 0.70), 0.003),
     "ruby": _from_color("Ruby", (0.70, 0.03, 0.025), 0.003),
     "water": Swatch("Pure water", (0.2644, 0.0565, 0.01011),
-                    "R. M. Pope and E. S. Fry, Appl. Opt. 36, 8710-8723 (1997), table 3"),
+                    "R. M. Pope and E. S. Fry, Appl. Opt. 36, 8710-8723 (1997)"),
     "sea_water": Swatch("Sea water, Jerlov III", (0.327, 0.120, 0.124),
                         "attenuation of downward irradiance, oceanic type III: N. G. Jerlov, Marine Optics (1976), table XXVII; "
                         "it includes what is scattered back"),

@@ -188,7 +188,7 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
         "cycles.use_guiding": False,
         "cycles.max_bounces": max(bounces, glass),
         "cycles.volume_bounces": bounces,
-        "cycles.diffuse_bounces": bounces,
+        "cycles.diffuse_bounces": max(bounces, glass),
         "cycles.glossy_bounces": glass,
         "cycles.transmission_bounces": glass,
         "cycles.transparent_max_bounces": 128,

@@ -85,7 +85,7 @@ def _stained_glass(x, y, softness, seed, time):
     for di in (-1, 0, 1):
         for dj in (-1, 0, 1):
             a, b = np.int64(i + di), np.int64(j + dj)
-            hashed = [_hash(a, b, seed, k) for k in range(3)]
+            hashed = [cell_hash(a, b, seed, k) for k in range(3)]
             distance = np.hypot(a + 0.2 + 0.6 * hashed[0] - x, b + 0.2 + 0.6 * hashed[1] - y)
             nearer = distance < first
             second = np.where(nearer, first, np.minimum(second, distance))
@@ -95,7 +95,7 @@ def _stained_glass(x, y, softness, seed, time):
     return color * _ramp(second - first - 0.12, softness)[..., None]
 
 
-def _hash(a: np.ndarray, b: np.ndarray, seed: int, k: int) -> np.ndarray:
+def cell_hash(a: np.ndarray, b: np.ndarray, seed: int, k: int) -> np.ndarray:
     """A number in [0, 1) for each pair of whole numbers: the finaliser of MurmurHash3 (Appleby, public domain)."""
     h = (a * 73856093 ^ b * 19349663 ^ (seed * 83492791 + k * 2654435)) & 0xFFFFFFFF
     for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35)):

@@ -21,9 +21,10 @@ from typing import Any
 import bpy
 
 from ...scene.model import Box, Ellipsoid, Shape
+from .. import pane
 from ..fields import Fields
 from ..interface import (
-    ONE, absorption, incidence, inner_cosine, mirror, one_minus, reflectance, refracted, square, transmitted,
+    ONE, absorption, incidence, mirror, one_minus, reflectance, refracted, square, transmitted,
 )
 from ..nodes import Tree, socket_of
 from ..shaders import ENGINES, Outputs, Sockets
@@ -34,7 +35,12 @@ Body = tuple[Socket, Socket, Socket]
 
 
 def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
-    """Absorption sigma_a = -ln(color) strength / distance; Cycles takes it as a volume, EEVEE as a tint where it refracts."""
+    """Absorption sigma_a = -ln(color) strength / distance; Cycles takes it as a volume, EEVEE as a tint where it refracts.
+
+    A thin pane is a surface alone; see ``pane``.
+    """
+    if values["shape"] == "sheet":
+        return pane.outputs(build, inputs, values, tuple(k for k in range(3) if shape.half[k] > 0.0), fields.cover)
     sigma = absorption(build, inputs)
     volume = _volume(build, sigma)
     if not values["refraction"]:
