@@ -15,6 +15,7 @@ from . import grid, light, pane
 class Fields:
     """Density from ``voxels``, which the nodes ``cut`` at the domain, and in EEVEE the ``glow`` of scattered light. The
     ``cavity`` of a hollow body bounds the path through its wall, and ``cover`` pictures what lies on a pane.
+    ``measured``: the way through the body is in attributes of its mesh (see chords).
     """
 
     voxels: bool = False
@@ -22,6 +23,7 @@ class Fields:
     glow: light.Picture | None = None
     cavity: Ellipsoid | None = None
     cover: bpy.types.Image | None = None
+    measured: bool = False
 
 
 def fields_of(volume: Volume, glow: light.Picture | None = None) -> Fields:

@@ -15,6 +15,7 @@ Socket = bpy.types.NodeSocket
 
 E = (math.e,) * 3
 ONE = (1.0,) * 3
+DIAGONAL = (3.0**-0.5,) * 3
 
 
 def absorption(build: Tree, inputs: Sockets) -> Socket:
@@ -57,6 +58,12 @@ def refracted(build: Tree, geometry: bpy.types.Node, ior: Any) -> Socket:
                                                "Scale": build.math("DIVIDE", 1.0, ior)}, operation="REFRACT")
     return build.node("ShaderNodeVectorTransform", {0: socket_of(node.outputs, "Vector")}, vector_type="VECTOR",
                       convert_from="WORLD", convert_to="OBJECT").outputs[0]
+
+
+def object_scale(build: Tree) -> Socket:
+    """Scale of the object: the length that its diagonal of length 1 has in the world."""
+    node = build.node("ShaderNodeVectorTransform", {0: DIAGONAL}, vector_type="VECTOR", convert_from="OBJECT", convert_to="WORLD")
+    return build.scalar("LENGTH", node.outputs[0])
 
 
 def mirror(build: Tree, color: Any) -> Socket:

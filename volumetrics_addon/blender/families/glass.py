@@ -8,7 +8,8 @@ forms along the refracted path. With r the reflectance at the entrance and t the
 * ball: all inner chords are equal, R = r, T = (1 - r)^2 t / (1 - r t);
 * block: r' at the face where the path ends, what is mirrored there leaves after one more leg of transmittance t':
   R = r, T = (1 - r) ((1 - r') t + r' t t'), without Fresnel losses on that leg;
-* shell: its two walls are plates between r and r', the reflectance at the cavity; see ``_shell``.
+* shell: its two walls are plates between r and r', the reflectance at the cavity; see ``_shell``;
+* mesh of the user's own: as the ball, over a way inside that was measured (see ``chords``).
 
 Ball and shell are exact under uniform light; elsewhere the light of inner reflections comes from the wrong direction.
 """
@@ -21,10 +22,10 @@ from typing import Any
 import bpy
 
 from ...scene.model import Box, Ellipsoid, Shape
-from .. import pane
+from .. import chords, pane
 from ..fields import Fields
 from ..interface import (
-    ONE, absorption, incidence, mirror, one_minus, reflectance, refracted, square, transmitted,
+    ONE, absorption, incidence, mirror, object_scale, one_minus, reflectance, refracted, square, transmitted,
 )
 from ..nodes import Tree, socket_of
 from ..shaders import ENGINES, Outputs, Sockets
@@ -49,13 +50,16 @@ def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shap
     geometry, cosine = incidence(build)
     direction, position = refracted(build, geometry, inputs["ior"]), socket_of(build.node("ShaderNodeTexCoord").outputs, "Object")
     entrance = reflectance(build, cosine, inputs["ior"])
-    path, mirrored, through = _BODIES[type(shape)](build, inputs["ior"], shape, fields, sigma, entrance, position, direction)
+    body = _measured if fields.measured else _BODIES[type(shape)]
+    path, mirrored, through = body(build, inputs["ior"], shape, fields, sigma, entrance, position, direction)
     # The tint of EEVEE's refraction acts on the way in and on the way out.
     tint = build.vector("POWER", through, (0.5,) * 3)
     shader = build.shader_sum(
         build.node("ShaderNodeBsdfRefraction", {"Color": tint, "Roughness": 0.0, "IOR": inputs["ior"]}).outputs[0],
         mirror(build, mirrored))
-    return {"Cycles Surface": surface.outputs[0], "Cycles Volume": volume, "EEVEE Surface": shader, "EEVEE Thickness": path}
+    # EEVEE multiplies the thickness by the object's scale.
+    return {"Cycles Surface": surface.outputs[0], "Cycles Volume": volume, "EEVEE Surface": shader,
+            "EEVEE Thickness": build.math("DIVIDE", path, object_scale(build))}
 
 
 def _volume(build: Tree, sigma: Socket) -> Socket:
@@ -72,6 +76,16 @@ def _round(build: Tree, ior: Any, shape: Ellipsoid, fields: Fields, sigma: Socke
                                                     build.scalar("DOT_PRODUCT", d, d)))
     if fields.cavity is not None:
         return _shell(build, ior, fields.cavity, sigma, r, position, direction, chord)
+    return _ball(build, sigma, r, chord)
+
+
+def _measured(build: Tree, ior: Any, shape: Shape, fields: Fields, sigma: Socket, r: Socket, position: Socket,
+              direction: Socket) -> Body:
+    return _ball(build, sigma, r, chords.chord(build, direction))
+
+
+def _ball(build: Tree, sigma: Socket, r: Socket, chord: Socket) -> Body:
+    """T = (1 - r)^2 t / (1 - r t)."""
     t = transmitted(build, sigma, chord)
     lost = build.vector("SUBTRACT", ONE, build.vector("MULTIPLY", t, r))
     return chord, r, build.vector("DIVIDE", build.vector("MULTIPLY", t, square(build, one_minus(build, r))), lost)
