@@ -45,7 +45,7 @@ REALISATIONS = {
 }
 DEPTHS, ANGLES, SIZES = (0.1, 0.3, 1.0, 3.0), (0.0, 30.0, 60.0, 75.0), (1e-3, 1e-2, 0.1, 1.0)
 DEPTH, ANGLE, SIZE = 1.0, 30.0, 0.1  # of the columns that vary something else
-PIXELS = 3  # along a side; the one in the middle counts
+PIXELS = 5  # along a side, where Blender makes at least 4; the one in the middle counts
 EEVEE_SAMPLES = 16
 
 

@@ -34,8 +34,9 @@ def applies(scene: Scene) -> str:
     """Empty when the integrator can render the scene, otherwise the reason why not."""
     if any(volume.medium.scatters for volume in scene.volumes):
         return "a medium of the scene scatters"
-    if _is_diffuse(scene) and any(v.sheet is None and (v.boundary or v.cavity) for v in scene.volumes):
-        return "a diffuse surface is lit through glass; give it emission and albedo 0"
+    panes = [volume for volume in scene.volumes if volume.sheet]
+    if _is_diffuse(scene) and (not panes or any(v.sheet is None and (v.boundary or v.cavity) for v in scene.volumes)):
+        return "a diffuse surface is lit through glass; give it emission and albedo 0, or take thin panes"
     if not all(optics.is_closed_form(volume) for volume in scene.volumes):
         return "a density of the scene has no closed-form optical depth"
     return ""
