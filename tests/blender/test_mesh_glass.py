@@ -198,6 +198,24 @@ def test_removing_gives_back_what_was_there(scene, slots, shape):
     assert file_state(made) == before and scene.cycles.transmission_bounces == bounces
 
 
+def test_what_the_user_changes_meanwhile_stays(scene):
+    made = ball(2)
+    for index in range(2):
+        made.data.materials.append(bpy.data.materials.new(f"mine {index}"))
+    mesh_glass.apply(scene, made, VALUES)
+    later = bpy.data.materials.new("later")
+    made.material_slots[0].material = later
+    scene.cycles.transmission_bounces = 77
+    mesh_glass.remove(scene, made)
+    assert [slot.material.name for slot in made.material_slots] == ["later", "mine 1"]
+    assert scene.cycles.transmission_bounces == 77 and not list(made.keys())
+    bare = ball(2)
+    mesh_glass.apply(scene, bare, VALUES)
+    bare.data.materials.clear()
+    mesh_glass.remove(scene, bare)
+    assert not bare.material_slots and not mesh_glass.has_glass(bare)
+
+
 def test_objects_that_share_a_mesh(scene):
     made = ball(2)
     other = bpy.data.objects.new("other", made.data)
@@ -274,6 +292,16 @@ def test_a_ball_of_the_users_own_at_every_unit(unit, scale_length, scene, expect
     mesh_glass.apply(scene, made, {**VALUES, "distance": unit * scale_length})
     stage(scene, "cycles", made, unit, 64)
     np.testing.assert_allclose(picture(scene), expected, rtol=0.015)
+
+
+def test_a_ball_without_refraction_is_its_chord(scene):
+    """Beer-Lambert over 2 sqrt(1 - b^2) with nothing bent or mirrored, in Cycles at the centre of the picture."""
+    made = ball(5)
+    mesh_glass.apply(scene, made, {**VALUES, "refraction": False})
+    assert not mesh_glass.is_measured(made) and chords.LENGTH not in made.data.attributes
+    stage(scene, "cycles", made)
+    scene.camera.data.angle_x = math.radians(1.0)
+    np.testing.assert_allclose(picture(scene), np.array(VALUES["color"]) ** 2.0, rtol=0.01)
 
 
 @needs_eevee

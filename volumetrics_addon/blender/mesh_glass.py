@@ -93,14 +93,23 @@ def measure(scene: bpy.types.Scene, target: bpy.types.Object) -> None:
 
 
 def remove(scene: bpy.types.Scene, target: bpy.types.Object) -> None:
-    """Bring back the materials that the object had, its mesh, and the settings that the glass changed."""
+    """Bring back the materials that the object had, its mesh, and the settings that the glass changed.
+
+    Materials that the user has put into its slots since stay.
+    """
     mine = items.record(target)
+
+    def is_ours(slot: bpy.types.MaterialSlot) -> bool:
+        return slot.material is not None and slot.material.get(items.TAG) == mine["id"]
+
     for index, (slot, link) in enumerate(zip(target.material_slots, mine["links"])):
-        slot.link = "OBJECT"
-        slot.material = target.pop(FORMER.format(index), None)
-        slot.link = link
+        if is_ours(slot):
+            slot.material = target.get(FORMER.format(index))
+            slot.link = link
+    for key in [key for key in target.keys() if key.startswith(FORMER.format(""))]:
+        del target[key]
     shares = [other for other in bpy.data.objects if other != target and other.data == target.data and has_glass(other)]
-    if not mine["links"]:  # the slot was added
+    if not mine["links"] and len(target.material_slots) == 1 and is_ours(target.material_slots[0]):  # it was added
         target.material_slots[0].material = None
         target.material_slots[0].link = "DATA"
         if shares:  # the last object of glass that shares the mesh takes the slot away

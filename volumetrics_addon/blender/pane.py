@@ -14,10 +14,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import bpy
-import numpy as np
 
 from ..scene import pane
 from ..scene.model import Volume
+from . import images
 from .interface import ONE, absorption, incidence, inner_cosine, mirror, one_minus, reflectance, square, transmitted
 from .nodes import Tree, socket_of
 from .shaders import ENGINES, Outputs, Sockets
@@ -30,14 +30,7 @@ def picture(volume: Volume, name: str) -> bpy.types.Image | None:
     cover = volume.sheet.cover
     if cover is None or cover.pattern == "uniform":
         return None
-    values = pane.picture(cover, *pane.size_of(volume))
-    pixels = np.ones((*values.shape[:2], 4), np.float32)
-    pixels[..., :2] = values
-    result = bpy.data.images.new(name, values.shape[1], values.shape[0], alpha=False, float_buffer=True, is_data=True)
-    result.pixels.foreach_set(pixels.ravel())
-    result.update()
-    result.pack()
-    return result
+    return images.packed(pane.picture(cover, *pane.size_of(volume)), name)
 
 
 def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], axes: tuple[int, int], image: bpy.types.Image | None) -> Outputs:

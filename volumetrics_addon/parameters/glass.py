@@ -13,7 +13,7 @@ GLASS = Group(
     (
         having(LOCATION, (0.0, 0.0, 0.05)),
         having(SIZE, (0.1, 0.1, 0.1)),
-        Parameter("shape", "choice", "sphere", "Shape of the glass.",
+        Parameter("shape", "choice", "sphere", "Shape of the glass; a thin pane lies across its smallest size.",
                   choices=(("sphere", "Sphere"), ("block", "Block"), ("shell", "Hollow sphere"), ("sheet", "Thin pane"))),
         Parameter("thickness", "float", 0.003, "Thickness of the wall of a hollow sphere, or of a thin pane, which is drawn as a plane.",
                   unit="m", minimum=1e-6, maximum=1e5, soft_minimum=1e-3, soft_maximum=0.1, when=("shape", "shell", "sheet")),

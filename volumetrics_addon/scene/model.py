@@ -280,6 +280,9 @@ class Dielectric:
     ior: float
 
 
+MOST_CELLS = 128  # of a cover across a pane: its picture has 1024 pixels
+
+
 @dataclass(frozen=True)
 class Cover:
     """What lies opaque on a pane (``pattern``: uniform, dirt or lead): Lambert of ``albedo`` over the share ``coverage`` of its area, where ``scene.pane`` tells.
@@ -335,6 +338,10 @@ class Volume:
                 raise ValueError(f"a pane's domain is a box of which one half size is 0, got {self.domain}; set one to 0")
             if self.medium.scatters or not isinstance(self.medium.density, Homogeneous):
                 raise ValueError(f"only a homogeneous medium that absorbs may be a pane, got {self.medium}; model its thickness")
+            cover, longer = self.sheet.cover, 2.0 * max(self.domain.half)
+            if cover is not None and cover.pattern != "uniform" and longer > (1.0 + 1e-9) * MOST_CELLS * cover.size:
+                raise ValueError(f"coverage_size = {cover.size:g} m is too small for a pane of {longer:g} m: more than {MOST_CELLS} "
+                                 f"cells lie across it; make it at least {longer / MOST_CELLS:.3g} m")
         if self.cavity is None:
             return
         if self.medium.scatters or not isinstance(self.medium.density, Homogeneous):

@@ -24,7 +24,6 @@ from .model import Cover, Volume
 Array = np.ndarray
 
 CELL_PIXELS, MOST_PIXELS, FEWEST_PIXELS = 64, 1024, 128  # across a cell or speck, along the pane's longer side
-MOST_CELLS = 128
 SHARPEST = 1e-6  # of the width w: a hard edge
 GREY_AXIS = np.ones(3) / math.sqrt(3.0)
 
@@ -47,13 +46,9 @@ def size_of(volume: Volume) -> tuple[float, float]:
 
 @lru_cache(maxsize=8)
 def picture(cover: Cover, width: float, height: float) -> Array:
-    """The picture of a cover on a pane of this size (m). Raises ValueError where its cells are too many to draw."""
+    """The picture of a cover on a pane of this size (m)."""
     longer = max(width, height)
-    cells = longer / cover.size
-    if cells > MOST_CELLS:
-        raise ValueError(f"coverage_size = {cover.size:g} m is too small for a pane of {longer:g} m: more than {MOST_CELLS} cells "
-                         f"lie across it; make it at least {longer / MOST_CELLS:.3g} m")
-    pixels = min(MOST_PIXELS, max(FEWEST_PIXELS, CELL_PIXELS * math.ceil(cells)))
+    pixels = min(MOST_PIXELS, max(FEWEST_PIXELS, CELL_PIXELS * math.ceil(longer / cover.size)))
     columns, rows = (max(8, round(pixels * side / longer)) for side in (width, height))
     x, y = np.meshgrid((np.arange(columns) + 0.5) / columns * width / cover.size, (np.arange(rows) + 0.5) / rows * height / cover.size)
     result = np.zeros((rows, columns, 2), np.float32)
