@@ -3,10 +3,10 @@
 
     python scripts/glass_residual.py [--engines cycles,eevee] [--samples 16384] [--only ball,sheet]
 
-Under uniform light of radiance 1 a camera sees what a body mirrors and lets through, R + T. A row is a ball 2 units wide or a plate
-one unit thick, hit at an angle to its normal; the optical depth is that along the normal, over the diameter of a ball
-and over both walls of a shell. Expected is the integrator of glass over the pixel, which tests compare with closed forms. Printed is the
-relative deviation. Uniform light hides where EEVEE sends the light: see the errors of the presets for that.
+Under uniform light of radiance 1 a camera sees what a body mirrors and lets through, R + T. A row is a ball 2 units wide or a
+plate one unit thick, hit at an angle to its normal; the optical depth is that along the normal, over the diameter of a ball and
+over both walls of a shell. Expected is the integrator of glass over the pixel, which tests compare with closed forms. Printed
+is the relative deviation. Uniform light hides where EEVEE sends the light: see the errors of the presets for that.
 """
 
 from __future__ import annotations
@@ -120,7 +120,8 @@ def main() -> None:
     arguments = parser.parse_args()
     columns = [(f"depth {d:g}", d, ANGLE, SIZE) for d in DEPTHS] + [(f"{a:g} deg", DEPTH, a, SIZE) for a in ANGLES if a != ANGLE]
     columns += [(f"{1e3 * s:g} mm", DEPTH, ANGLE, s) for s in SIZES if s != SIZE]
-    print(f"Blender {bpy.app.version_string}. Depth {DEPTH:g}, {ANGLE:g} deg and a unit of {1e3 * SIZE:g} mm but for what a column names.\n")
+    print(f"Blender {bpy.app.version_string}. Depth {DEPTH:g}, {ANGLE:g} deg and a unit of {1e3 * SIZE:g} mm but for what a "
+          "column names.\n")
     print("| realisation | engine | " + " | ".join(label for label, *_ in columns) + " |")
     print("|---" * (len(columns) + 2) + "|")
     for name in REALISATIONS:

@@ -254,8 +254,8 @@ def test_glass_and_items_give_back_settings_in_either_order(scene):
 def stage(scene, engine, made, unit=1.0, samples=8):
     """Uniform light 1, and a camera that sees a ball of radius 1 unit equally big at any unit; the engine's settings."""
     scene.world = objects.world((1.0, 1.0, 1.0), "world")
-    scene.camera = objects.camera(Camera((0.0, -10.0 * unit, 0.0), (0.0, 1.0, 0.0), math.radians(12.0)), (0.01 * unit, 100.0 * unit),
-                                  "camera", scene.collection)
+    seen = Camera((0.0, -10.0 * unit, 0.0), (0.0, 1.0, 0.0), math.radians(12.0))
+    scene.camera = objects.camera(seen, (0.01 * unit, 100.0 * unit), "camera", scene.collection)
     body = mesh_glass._body(scene, made, FAMILIES["glass"].check(VALUES))
     described = Scene(Camera((0.0, -10.0, 0.0), (0.0, 1.0, 0.0), 0.2), volumes=body.volumes, environment=(1.0, 1.0, 1.0))
     settings.apply(scene, plan(described, [body], engine, samples, has_null_scattering=compat.current().volume_biased).settings)
@@ -274,7 +274,8 @@ def expected():
     hit = impact < 1.0
     outside = np.sqrt(1.0 - impact[hit] ** 2)
     inside = np.sqrt(1.0 - (impact[hit] / 1.5) ** 2)
-    r = (((outside - 1.5 * inside) / (outside + 1.5 * inside)) ** 2 + ((1.5 * outside - inside) / (1.5 * outside + inside)) ** 2) / 2.0
+    s, p = (outside - 1.5 * inside) / (outside + 1.5 * inside), (1.5 * outside - inside) / (1.5 * outside + inside)
+    r = (s**2 + p**2) / 2.0
     means = []
     for color in VALUES["color"]:
         t = color ** (2.0 * inside)

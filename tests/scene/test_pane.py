@@ -80,12 +80,14 @@ def test_too_many_cells_are_refused():
 
 def test_a_pane_is_a_plane_across_its_smallest_size():
     make = assemble.ASSEMBLERS["glass"]
-    for size, half in (((2.0, 0.1, 3.0), (1.0, 0.0, 1.5)), ((2.0, 3.0, 0.1), (1.0, 1.5, 0.0)), ((1.0, 1.0, 1.0), (0.5, 0.0, 0.5))):
+    for size, half in (((2.0, 0.1, 3.0), (1.0, 0.0, 1.5)), ((2.0, 3.0, 0.1), (1.0, 1.5, 0.0)),
+                       ((1.0, 1.0, 1.0), (0.5, 0.0, 0.5))):
         volume, = make(FAMILIES["glass"].check({"shape": "sheet", "size": list(size), "thickness": 0.004})).volumes
         assert volume.domain.half == half and volume.sheet == Sheet(0.004) and volume.boundary == Dielectric(1.5)
     dirty, = make(FAMILIES["glass"].check({"shape": "sheet", "coverage_pattern": "dirt", "coverage": 0.2})).volumes
     with pytest.raises(ValueError, match="coverage_size = 0.001 m is too small for a pane of 2 m"):
-        make(FAMILIES["glass"].check({"shape": "sheet", "size": [2.0, 0.1, 1.0], "coverage_pattern": "lead", "coverage_size": 1e-3}))
+        make(FAMILIES["glass"].check({"shape": "sheet", "size": [2.0, 0.1, 1.0], "coverage_pattern": "lead",
+                                      "coverage_size": 1e-3}))
     assert dirty.sheet.cover == Cover("dirt", 0.2, (0.03, 0.03, 0.035), 0.05, softness=0.5)
 
 

@@ -50,12 +50,12 @@ def refuse_open(target: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Non
                   "have more than two faces": sum(len(edge.link_faces) > 2 for edge in build.edges)}
         faults = [f"{count} of its {total} edges {what}" for what, count in counts.items() if count]
         if faults:
-            raise ValueError(f"{target.name} is not watertight: {', '.join(faults)}; close it (Mesh > Clean Up > Fill Holes), give it "
-                             "a Solidify modifier, or take a thin pane")
+            raise ValueError(f"{target.name} is not watertight: {', '.join(faults)}; close it (Mesh > Clean Up > Fill Holes), "
+                             "give it a Solidify modifier, or take a thin pane")
         turned = sum(not edge.is_contiguous for edge in build.edges)
         if turned:
-            raise ValueError(f"the faces of {target.name} disagree about outside at {turned} of its {total} edges; recalculate the "
-                             "normals (Mesh > Normals > Recalculate Outside)")
+            raise ValueError(f"the faces of {target.name} disagree about outside at {turned} of its {total} edges; recalculate "
+                             "the normals (Mesh > Normals > Recalculate Outside)")
         if build.calc_volume(signed=True) * target.matrix_world.determinant() <= 0.0:
             raise ValueError(f"the normals of {target.name} point inwards, or it is flat; recalculate them (Mesh > Normals > "
                              "Recalculate Outside)")

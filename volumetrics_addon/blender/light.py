@@ -41,7 +41,8 @@ def picture(light: LightGrid, origin: Vector, name: str) -> Picture:
     pixels = np.zeros((rows, ny, columns, nx, 3), np.float32)
     for k in range(nz):
         pixels[k // columns, :, k % columns] = light.values[:, :, k].transpose(1, 0, 2)
-    return Picture(images.packed(pixels.reshape(rows * ny, columns * nx, 3), name), (nx, ny, nz), subtract(light.low, origin), light.cell)
+    image = images.packed(pixels.reshape(rows * ny, columns * nx, 3), name)
+    return Picture(image, (nx, ny, nz), subtract(light.low, origin), light.cell)
 
 
 def radiance(build: Tree, picture: Picture) -> bpy.types.NodeSocket:

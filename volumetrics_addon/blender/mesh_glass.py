@@ -42,8 +42,8 @@ def apply(scene: bpy.types.Scene, target: bpy.types.Object, values: Mapping[str,
     chords.refuse_open); then nothing has changed.
     """
     if target is None or target.type != "MESH":
-        raise ValueError(f"{target.name} is a {target.type.lower()}, not a mesh; convert it (Object > Convert > Mesh)" if target else
-                         "no object is active; select a mesh")
+        raise ValueError("no object is active; select a mesh" if target is None else
+                         f"{target.name} is a {target.type.lower()}, not a mesh; convert it (Object > Convert > Mesh)")
     if target.library or target.data.library:
         raise ValueError(f"{target.name} is linked from another file; make it local (Object > Relations > Make Local)")
     values = FAMILIES["glass"].check(values)
@@ -82,7 +82,8 @@ def measure(scene: bpy.types.Scene, target: bpy.types.Object) -> None:
     Raises ValueError where the object has no glass that reads it, or is no longer closed.
     """
     if not has_glass(target) or not is_measured(target):
-        raise ValueError("there is nothing to measure: only refracting bodies read the way through their mesh; put glass on a mesh")
+        raise ValueError("there is nothing to measure: only refracting bodies read the way through their mesh; "
+                         "put glass on a mesh")
     depsgraph = _depsgraph(scene)
     chords.refuse_open(target, depsgraph)
     node = items.live_node_of([target])

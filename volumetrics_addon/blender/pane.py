@@ -33,7 +33,8 @@ def picture(volume: Volume, name: str) -> bpy.types.Image | None:
     return images.packed(pane.picture(cover, *pane.size_of(volume)), name)
 
 
-def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], axes: tuple[int, int], image: bpy.types.Image | None) -> Outputs:
+def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], axes: tuple[int, int],
+            image: bpy.types.Image | None) -> Outputs:
     """The surface of a pane that extends along two axes of its object."""
     pattern = values["coverage_pattern"]
     sigma, place = absorption(build, inputs), None

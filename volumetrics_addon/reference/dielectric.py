@@ -5,9 +5,10 @@ Smooth interfaces with Fresnel reflectance for unpolarised light, Beer-Lambert i
 environment outside. The tree of rays is cut where a ray carries less than a given share of a pixel; what is cut, times the
 brightest radiance in the scene, is the systematic part of the stated error.
 
-A thin pane is one event: all orders of reflection between its faces are summed in closed form (``plate``). Light goes through it
-in its direction, so that lamps shine straight through panes on diffuse surfaces and on what covers a pane: there one ray goes on
-in a random direction, and lamps are added at once. What a pane mirrors of a lamp onto such a surface is left out: no ray finds it.
+A thin pane is one event: all orders of reflection between its faces are summed in closed form (``plate``). Light goes on in
+its direction, so that lamps shine straight through panes on diffuse surfaces and on what covers a pane: there one ray goes on
+in a random direction, and lamps are added at once. What a pane mirrors of a lamp onto such a surface is left out: no ray finds
+it.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def plate(cosine: Array, thickness: float, sigma: Array, ior: float | None) -> t
 
     ``cosine`` (n,) of the ray outside, ``sigma`` (n, 3) per metre. With r of one face and t over the path in glass,
     T = (1 - r)^2 t / (1 - r^2 t^2) and R = r (1 + t T); without an ``ior`` the path is straight and nothing is mirrored.
-    Source: Born and Wolf, Principles of Optics, 7.6, for incoherent light.
+    It is the geometric series over the bounces, of intensities: panes are thicker than light is coherent.
     """
     t = beer_lambert(sigma, plate_path_length(cosine, thickness, ior or 1.0)[:, None])
     if ior is None:
@@ -170,7 +171,8 @@ def radiance(scene: Scene, origin: Array, direction: Array, cut: float = CUT,
             mine = solid[rows] == i
             if not mine.any():
                 continue
-            at, d, carried, source, was = (a[mine] for a in (position, direction[rows], throughput[rows], ray[rows], inside[rows]))
+            at, d, carried = position[mine], direction[rows][mine], throughput[rows][mine]
+            source, was = ray[rows][mine], inside[rows][mine]
             n = np.broadcast_to(pane.normal_of(volume), at.shape)
             cosine = np.einsum("ni,ni->n", n, d)
             opaque, mirrored, through = _pane(volume, at, np.abs(cosine))

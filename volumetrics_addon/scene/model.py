@@ -340,8 +340,8 @@ class Volume:
                 raise ValueError(f"only a homogeneous medium that absorbs may be a pane, got {self.medium}; model its thickness")
             cover, longer = self.sheet.cover, 2.0 * max(self.domain.half)
             if cover is not None and cover.pattern != "uniform" and longer > (1.0 + 1e-9) * MOST_CELLS * cover.size:
-                raise ValueError(f"coverage_size = {cover.size:g} m is too small for a pane of {longer:g} m: more than {MOST_CELLS} "
-                                 f"cells lie across it; make it at least {longer / MOST_CELLS:.3g} m")
+                raise ValueError(f"coverage_size = {cover.size:g} m is too small for a pane of {longer:g} m: more than "
+                                 f"{MOST_CELLS} cells lie across it; make it at least {longer / MOST_CELLS:.3g} m")
         if self.cavity is None:
             return
         if self.medium.scatters or not isinstance(self.medium.density, Homogeneous):

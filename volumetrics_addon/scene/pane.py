@@ -50,7 +50,7 @@ def picture(cover: Cover, width: float, height: float) -> Array:
     longer = max(width, height)
     pixels = min(MOST_PIXELS, max(FEWEST_PIXELS, CELL_PIXELS * math.ceil(longer / cover.size)))
     columns, rows = (max(8, round(pixels * side / longer)) for side in (width, height))
-    x, y = np.meshgrid((np.arange(columns) + 0.5) / columns * width / cover.size, (np.arange(rows) + 0.5) / rows * height / cover.size)
+    x, y = np.meshgrid(*((np.arange(n) + 0.5) / n * side / cover.size for n, side in ((columns, width), (rows, height))))
     result = np.zeros((rows, columns, 2), np.float32)
     if cover.pattern == "lead":
         value, result[..., 1] = _cells(x, y, cover.seed)
