@@ -39,6 +39,7 @@ REALISATIONS = {
     "shell": ({**BALL, "shape": "shell"}, 0.4),
     "mesh, a slab": ({**PLATE, "shape": "block"}, 1.0),
     "mesh, a ball": ({**BALL, "shape": "sphere"}, 2.0),
+    "mesh, a ball, unaided": ({**BALL, "shape": "sphere"}, 2.0),
     "thin pane, straight": ({**PLATE, "shape": "sheet", "refraction": False}, 1.0),
     "block, straight": ({**PLATE, "shape": "block", "refraction": False}, 1.0),
     "ball, straight": ({**BALL, "shape": "sphere", "refraction": False}, 2.0),
@@ -81,7 +82,7 @@ class OwnMesh:
     def __init__(self, name: str):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self.scene = bpy.context.scene
-        if name == "mesh, a ball":
+        if name.startswith("mesh, a ball"):
             bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6, radius=1.0)
             for polygon in bpy.context.object.data.polygons:
                 polygon.use_smooth = True
@@ -92,6 +93,13 @@ class OwnMesh:
         self.object = bpy.context.object
         bpy.context.view_layer.update()
         mesh_glass.apply(self.scene, self.object, {"ior": 1.5, "color": (math.exp(-1.0),) * 3, "distance": 1.0})
+        if name.endswith("unaided"):  # in EEVEE too a Glass BSDF with a volume inside, as Cycles has it
+            tree = self.object.active_material.node_tree
+            node = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeGroup")
+            output = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial" and n.target == "EEVEE")
+            tree.links.remove(output.inputs["Thickness"].links[0])
+            for part in ("Surface", "Volume"):
+                tree.links.new(node.outputs[f"Cycles {part}"], output.inputs[part])
         self.scene.world = objects.world((1.0, 1.0, 1.0), "world")
 
     def picture(self, chosen: Preset, engine: str, samples: int) -> float:

@@ -41,15 +41,24 @@ def reflectance(cosine, n):
 
 @pytest.mark.parametrize("changes", [
     {"shape": "shell"}, {"shape": "shell", "refraction": False}, {"shape": "shell", "ior": 1.33, "strength": 2.0},
-    {"shape": "sphere", "swatch": "merlot", "strength": 0.01}, {"shape": "block", "rotation": 30.0, "strength": 0.5},
-    {"shape": "sheet", "rotation": 50.0, "coverage_pattern": "lead", "coverage": 0.3, "coverage_size": 0.5},
-    {"shape": "sheet", "size": [2.0, 2.0, 0.1], "coverage_pattern": "dirt", "coverage_size": 0.7, "coverage_color": [0.5] * 3},
-    {"shape": "sheet", "refraction": False, "rotation": -60.0, "coverage_pattern": "uniform", "coverage": 0.4}],
-    ids=["shell", "shell-straight", "shell-strong", "swatch", "block", "lead", "dirt", "uniform"])
+    {"shape": "sphere", "swatch": "merlot", "strength": 0.01}, {"shape": "block", "rotation": 30.0, "strength": 0.5}],
+    ids=["shell", "shell-straight", "shell-strong", "swatch", "block"])
 def test_cycles_equals_the_reference(changes):
     result = verify.verify(preset(changes), "cycles", 16, 64, confidence=0.999, reference_samples=9)
     low, high = result.comparison.mean_relative_interval
     assert low <= 0.001 and high >= -0.001 and high - low < 0.02
+    assert result.comparison.z_pass_fraction >= 0.9975
+
+
+@pytest.mark.parametrize("changes", [
+    {"rotation": 50.0, "coverage_pattern": "lead", "coverage": 0.3, "coverage_size": 0.5},
+    {"size": [2.0, 2.0, 0.1], "coverage_pattern": "dirt", "coverage_size": 0.7, "coverage_color": [0.5] * 3},
+    {"refraction": False, "rotation": -60.0, "coverage_pattern": "uniform", "coverage": 0.4}], ids=["lead", "dirt", "uniform"])
+def test_a_covered_pane_in_cycles_equals_the_reference(changes):
+    """Hard edges within pixels take many samples, before the repeats tell the noise of a pixel."""
+    result = verify.verify(preset({"shape": "sheet", **changes}), "cycles", 16, 1024, confidence=0.999, reference_samples=100)
+    low, high = result.comparison.mean_relative_interval
+    assert low <= 0.0005 and high >= -0.0005 and high - low < 0.004
     assert result.comparison.z_pass_fraction >= 0.9975
 
 

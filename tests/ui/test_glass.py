@@ -8,7 +8,7 @@ import bpy
 import pytest
 
 import volumetrics_addon
-from volumetrics_addon.blender import items, mesh_glass
+from volumetrics_addon.blender import chords, items, mesh_glass
 from volumetrics_addon.ui.glass import VOLUMETRICS_PT_glass
 
 
@@ -61,3 +61,17 @@ def test_errors_are_told(panel):
         bpy.ops.volumetrics.glass_apply()
     panel.preset = "cumulus"
     assert not bpy.ops.volumetrics.glass_apply.poll()
+
+
+def test_undo_takes_all_of_it_back(panel):
+    """Materials, attributes and what the object remembers are one state of the file."""
+    former = bpy.context.object.active_material.name
+    bpy.ops.ed.undo_push(message="before")
+    assert bpy.ops.volumetrics.glass_apply() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="glass")
+    bpy.ops.ed.undo()
+    cube = bpy.data.objects["Cube"]
+    assert cube.active_material.name == former and not cube.keys() and chords.LENGTH not in cube.data.attributes
+    bpy.ops.ed.redo()
+    cube = bpy.data.objects["Cube"]
+    assert mesh_glass.has_glass(cube) and chords.LENGTH in cube.data.attributes

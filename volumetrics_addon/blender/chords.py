@@ -2,15 +2,17 @@
 """How far light goes inside a closed mesh, measured by rays, for EEVEE.
 
 EEVEE loses a volume inside a refracting surface, so the way through the body is stored on the mesh, at each corner of each face.
-It depends on the direction, here linearly: d(omega) = alpha + beta . omega for the refracted ray omega, which is exact for a ball
-(d = -2 R n . omega) and within 2 % for a slab. alpha and beta are the least-squares fit over rays of equal weight, evenly spread
-as a Lambert surface seen from all sides would send them in: uniform in the squared sine below 1 / n^2, by Snell's law. A ray's
-length is all of its way inside, also in a far wall behind a cavity; it is not bent where it leaves and enters again.
+It depends on the direction, here linearly: d(omega) = alpha + gamma cos + tau . omega for the refracted ray omega at the inner
+cosine cos = -n . omega, tau across the normal n. That is exact for a ball (d = 2 R cos) and within 2 % for a slab. The numbers are
+the least-squares fit over rays of equal weight, evenly spread as light of a uniform sky would come in: uniform in the squared sine
+below 1 / ior^2, by Snell's law. A ray's length is all of its way inside, also in a far wall behind a cavity; it is not bent
+where it leaves and enters again. Modifiers that make faces (Solidify) hand the numbers on; with the normal apart they fit both
+sides of a plate.
 
 Rays do not start at the corners but at the points from which a linear interpolation has the right mean over the face.
 
-The attributes hold alpha / s and M^T beta / s^2, with M the object's matrix and s its scale when they were measured. Nodes bring
-the scale of the moment in, so an object that is later moved, turned or scaled evenly stays right.
+The attributes hold alpha / s, gamma / s and M^T tau / s^2, with M the object's matrix and s its scale when they were measured.
+Nodes bring in the scale of the moment, so an object that is later moved, turned or scaled evenly stays right.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from mathutils.bvhtree import BVHTree
 from .interface import DIAGONAL, object_scale
 from .nodes import Tree, socket_of
 
-LENGTH, SLOPE = "volumetrics_chord", "volumetrics_chord_slope"
+LENGTH, SLOPE, SKEW = "volumetrics_chord", "volumetrics_chord_slope", "volumetrics_chord_skew"
 RAYS, FEWEST, MOST = 1_000_000, 6, 24  # for a mesh, and for each corner
 MOST_WALLS = 16
 TRIANGLE_POINTS, QUAD_POINTS = 0.5, 3.0**-0.5  # of the way from the face's centre to its corner: points of Gauss' quadrature
@@ -86,28 +88,30 @@ def measure(target: bpy.types.Object, ior: float, depsgraph: bpy.types.Depsgraph
         stretch = np.linalg.norm(inward, axis=1)
         lengths[:, k] = [_inside(tree, Vector(o), Vector(d), step) for o, d in zip(origins, inward / stretch[:, None])]
         lengths[:, k] /= stretch  # a local unit along this direction is 1 / stretch in the world
-    fit = lengths @ np.linalg.pinv(np.column_stack([np.ones(count), local])).T
-    beta = np.einsum("nij,ni->nj", frames, fit[:, 1:])
+    fit = lengths @ np.linalg.pinv(np.column_stack([np.ones(count), -local[:, 2], local[:, :2]])).T
+    tau = np.einsum("nij,ni->nj", frames[:, :2], fit[:, 2:])
     scale = scale_of(matrix)
     _store(mesh, LENGTH, "FLOAT", "value", fit[:, 0] / scale)
-    _store(mesh, SLOPE, "FLOAT_VECTOR", "vector", beta @ linear / scale**2)
+    _store(mesh, SLOPE, "FLOAT", "value", fit[:, 1] / scale)
+    _store(mesh, SKEW, "FLOAT_VECTOR", "vector", tau @ linear / scale**2)
     return lengths.size
 
 
 def forget(mesh: bpy.types.Mesh) -> None:
     """Remove the attributes."""
-    for name in (LENGTH, SLOPE):
+    for name in (LENGTH, SLOPE, SKEW):
         if name in mesh.attributes:
             mesh.attributes.remove(mesh.attributes[name])
 
 
-def chord(build: Tree, direction: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """The way inside along the refracted direction, given in the object's coordinates."""
+def chord(build: Tree, direction: bpy.types.NodeSocket, cosine: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """The way inside along the refracted direction, given in the object's coordinates, at the inner cosine."""
     scale = object_scale(build)
-    alpha = socket_of(build.node("ShaderNodeAttribute", attribute_name=LENGTH).outputs, "Fac")
-    beta = socket_of(build.node("ShaderNodeAttribute", attribute_name=SLOPE).outputs, "Vector")
-    slope = build.math("MULTIPLY", build.scalar("DOT_PRODUCT", beta, direction), scale)
-    return build.math("MAXIMUM", build.math("MULTIPLY", build.math("ADD", alpha, slope), scale), 0.0)
+    alpha, gamma = (socket_of(build.node("ShaderNodeAttribute", attribute_name=name).outputs, "Fac") for name in (LENGTH, SLOPE))
+    tau = socket_of(build.node("ShaderNodeAttribute", attribute_name=SKEW).outputs, "Vector")
+    skew = build.math("MULTIPLY", build.scalar("DOT_PRODUCT", tau, direction), scale)
+    total = build.math("ADD", build.math("MULTIPLY_ADD", gamma, cosine, alpha), skew)
+    return build.math("MAXIMUM", build.math("MULTIPLY", total, scale), 0.0)
 
 
 def _corners(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ from ...scene.model import Box, Ellipsoid, Shape
 from .. import chords, pane
 from ..fields import Fields
 from ..interface import (
-    ONE, absorption, incidence, mirror, object_scale, one_minus, reflectance, refracted, square, transmitted,
+    ONE, absorption, incidence, inner_cosine, mirror, object_scale, one_minus, reflectance, refracted, square, transmitted,
 )
 from ..nodes import Tree, socket_of
 from ..shaders import ENGINES, Outputs, Sockets
@@ -50,8 +50,11 @@ def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shap
     geometry, cosine = incidence(build)
     direction, position = refracted(build, geometry, inputs["ior"]), socket_of(build.node("ShaderNodeTexCoord").outputs, "Object")
     entrance = reflectance(build, cosine, inputs["ior"])
-    body = _measured if fields.measured else _BODIES[type(shape)]
-    path, mirrored, through = body(build, inputs["ior"], shape, fields, sigma, entrance, position, direction)
+    if fields.measured:
+        way = chords.chord(build, direction, inner_cosine(build, cosine, inputs["ior"]))
+        path, mirrored, through = _ball(build, sigma, entrance, way)
+    else:
+        path, mirrored, through = _BODIES[type(shape)](build, inputs["ior"], shape, fields, sigma, entrance, position, direction)
     # The tint of EEVEE's refraction acts on the way in and on the way out.
     tint = build.vector("POWER", through, (0.5,) * 3)
     shader = build.shader_sum(
@@ -77,11 +80,6 @@ def _round(build: Tree, ior: Any, shape: Ellipsoid, fields: Fields, sigma: Socke
     if fields.cavity is not None:
         return _shell(build, ior, fields.cavity, sigma, r, position, direction, chord)
     return _ball(build, sigma, r, chord)
-
-
-def _measured(build: Tree, ior: Any, shape: Shape, fields: Fields, sigma: Socket, r: Socket, position: Socket,
-              direction: Socket) -> Body:
-    return _ball(build, sigma, r, chords.chord(build, direction))
 
 
 def _ball(build: Tree, sigma: Socket, r: Socket, chord: Socket) -> Body:
