@@ -149,7 +149,9 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
     if engine == CYCLES:
         return []
     notes = []
-    if scene.is_dielectric:
+    if any(volume.sheet for volume in scene.volumes):
+        notes.append("EEVEE blends panes over what is behind: they mirror the world alone, and their shadows are grey")
+    elif scene.is_dielectric:
         notes.append("EEVEE traces refraction in screen space; reflections inside the body come from closed forms")
     elif any(volume.medium.scatters for volume in scene.volumes):
         baked = [bool(bakes_light(scene, volume, preset.parameters)) for volume in scene.volumes]

@@ -31,8 +31,8 @@ DECLARED = [pytest.param(group, parameter, id=f"{group.name}.{parameter.name}")
 # Ratios, cosines and exponents: no unit belongs to them.
 DIMENSIONLESS = {"g", "g_back", "lobe_weight", "mie_g", "octave_extinction", "octave_phase", "octave_contribution", "fill", "softness", "base",
                  "noise_detail", "noise_roughness", "noise_strength", "billow_strength", "billow_roughness", "stretch", "evolution",
-                 "cutoff", "ior", "strength", "blend", "blocker_fill", "gobo_softness", "gobo_scale", "max_opacity", "edge",
-                 "aspect", "dust_strength"}
+                 "cutoff", "ior", "strength", "coverage", "coverage_softness", "color_variation", "blend", "blocker_fill", "gobo_softness",
+                 "gobo_scale", "max_opacity", "edge", "aspect", "dust_strength"}
 
 HUGE = 10**400  # beyond float
 ENDLESS = 1 << 20000  # beyond what Python writes in decimal

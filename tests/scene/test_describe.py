@@ -49,7 +49,7 @@ def test_inverse_of_assembly(name):
                 assert close(mine, other)
             assert again.medium.phase == volume.medium.phase
             assert again.medium.density == volume.medium.density and close(again.medium.ambient, volume.medium.ambient)
-            assert again.boundary == volume.boundary
+            assert again.boundary == volume.boundary and again.sheet == volume.sheet
 
 
 def test_droplets_and_billows_come_back():

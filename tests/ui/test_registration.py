@@ -16,10 +16,10 @@ from volumetrics_addon import ui
 from volumetrics_addon.parameters.families import FAMILIES
 from volumetrics_addon.parameters.preset import load, names
 from volumetrics_addon.parameters.stage import STAGE
-from volumetrics_addon.ui import operators, panels, properties
+from volumetrics_addon.ui import glass, operators, panels, properties
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-CLASSES = tuple(cls for module in (properties, operators, panels) for cls in module.CLASSES)
+CLASSES = tuple(cls for module in (properties, operators, panels, glass) for cls in module.CLASSES)
 
 
 def traces():
@@ -203,7 +203,9 @@ def test_unfolding_the_parameters_loads_the_preset(enabled, capfd):
 
 
 def test_operators_are_undo_steps_with_words(enabled):
-    for cls in operators.CLASSES:
+    ours = [cls for cls in CLASSES if issubclass(cls, bpy.types.Operator)]
+    assert len(ours) >= len(operators.CLASSES) + 3
+    for cls in ours:
         assert {"REGISTER", "UNDO"} <= cls.bl_options
         assert cls.bl_label and cls.bl_description
         registered = getattr(bpy.ops.volumetrics, cls.bl_idname.partition(".")[2]).get_rna_type()

@@ -44,7 +44,7 @@ def add_body(body: Body, name: str, collection: bpy.types.Collection, baked: Lig
         result = grid.body(first, name, material, collection)
     else:
         result = objects.body(body.domain, name, material, collection, cavity=first.cavity)
-    if first.boundary is None:  # a box, ball or cone of lines: the faces of the mesh would fill the view
+    if not first.has_surface:  # a box, ball or cone of lines: the faces of the mesh would fill the view
         result.display_type = "BOUNDS"
         result.display_bounds_type = {Box: "BOX", Ellipsoid: "SPHERE", Cone: "CONE", Hull: "BOX"}[type(body.domain)]
     return result

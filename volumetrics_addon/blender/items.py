@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -42,15 +42,25 @@ def items(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
     return [collection for collection in scene.collection.children_recursive if KEY in collection]
 
 
-def record(item: bpy.types.Collection) -> dict[str, Any]:
+def record(item: bpy.types.ID) -> dict[str, Any]:
     return json.loads(item[KEY])
+
+
+def holders(scene: bpy.types.Scene) -> list[bpy.types.ID]:
+    """Whatever remembers settings of the scene: the items, and objects of the user's own that are of glass."""
+    return items(scene) + [candidate for candidate in scene.objects if KEY in candidate]
 
 
 def live_node(item: bpy.types.Collection) -> bpy.types.Node | None:
     """The group node whose sockets are the item's live parameters: in its material, or in the compositor."""
     if record(item).get("compositor"):
         return compositing.node_of(record(item)["id"], TAG)
-    for candidate in item.objects:
+    return live_node_of(item.objects)
+
+
+def live_node_of(objects: Iterable[bpy.types.Object]) -> bpy.types.Node | None:
+    """The first group node of ours among the materials of these objects."""
+    for candidate in objects:
         for slot in candidate.material_slots:
             if slot.material is None or slot.material.node_tree is None:
                 continue
@@ -151,7 +161,7 @@ def bake_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
     for kind in _OWNED:
         for block in set(getattr(bpy.data, kind)) - before[kind]:
             block[TAG] = mine["id"]
-    _free(mine["id"])
+    free(mine["id"])
     item[KEY] = json.dumps(mine | {"values": values})
 
 
@@ -305,7 +315,7 @@ def bake_light(scene: bpy.types.Scene, item: bpy.types.Collection, *, samples: i
     node.node_tree = groups.group(FAMILIES[mine["family"]], values, volume.domain, old.name, fields.fields_of(volume, picture))
     for block in (node.node_tree, *(set(bpy.data.images) - before)):
         block[TAG] = mine["id"]
-    _free(mine["id"])
+    free(mine["id"])
     return warnings + more
 
 
@@ -316,8 +326,7 @@ def remove_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
     where a later item builds on it, that item inherits the older value to go back to.
     """
     mine = record(item)
-    others = [other for other in items(scene) if other != item]
-    _restore(scene, mine, others)
+    restore_settings(scene, mine)
     if mine.get("compositor") and (node := live_node(item)):
         compositing.remove(scene, node)
     for guest in item.objects:  # what the user has moved in moves out
@@ -327,10 +336,10 @@ def remove_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
         if guest.name not in scene.collection.children:
             scene.collection.children.link(guest)
     bpy.data.collections.remove(item)
-    _free(mine["id"])
+    free(mine["id"])
 
 
-def _free(identity: str) -> None:
+def free(identity: str) -> None:
     """Remove what was made for an item and is no longer used."""
     for name in _OWNED:
         for block in list(getattr(bpy.data, name)):
@@ -338,7 +347,9 @@ def _free(identity: str) -> None:
                 getattr(bpy.data, name).remove(block)
 
 
-def _restore(scene: bpy.types.Scene, mine: Mapping[str, Any], others: list[bpy.types.Collection]) -> None:
+def restore_settings(scene: bpy.types.Scene, mine: Mapping[str, Any]) -> None:
+    """Bring back what the scene had before the holder with this record; a later holder that builds on it inherits that."""
+    others = [other for other in holders(scene) if record(other)["id"] != mine["id"]]
     going_back = dict(mine["before"])
     for path, applied in mine["applied"].items():
         for other in others:

@@ -178,7 +178,8 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
         result.decide("octaves", f"{scene.engine_orders} scattering events instead of {scene.orders}",
                       "the media's octaves stand for the orders beyond: measured bias up to 2 % where clouds are thin or small, "
                       "-11 % to -17 % where their optical depth is above 10")
-    result.decide("bounces", f"volume and diffuse bounces {bounces}, glass bounces {glass}",
+    diffuse = max(bounces, glass)  # beside panes the reference follows all of them
+    result.decide("bounces", f"volume bounces {bounces}, diffuse bounces {diffuse}, glass bounces {glass}",
                   f"the scene follows {scene.engine_orders} order(s) of scattering")
     result.settings.update({
         "cycles.device": "CPU",
@@ -196,7 +197,7 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
         "cycles.use_guiding": False,
         "cycles.max_bounces": max(bounces, glass),
         "cycles.volume_bounces": bounces,
-        "cycles.diffuse_bounces": bounces,
+        "cycles.diffuse_bounces": diffuse,
         "cycles.glossy_bounces": glass,
         "cycles.transmission_bounces": glass,
         "cycles.transparent_max_bounces": 128,

@@ -15,7 +15,7 @@ from .assemble import body
 from .body import Body
 from .families.air import PER_KILOMETRE
 from .model import (
-    Box, Camera, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase,
+    Box, Camera, Cover, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase,
     RayleighPhase, Scene, Volume,
 )
 
@@ -27,7 +27,7 @@ def describe(volume: Volume) -> tuple[str, dict[str, Any]]:
     medium = volume.medium
     if medium.glows or isinstance(medium.density, Dust):
         return "godray", _values("godray", _haze(medium))
-    if volume.boundary is not None or (not medium.scatters and isinstance(medium.density, Homogeneous)):
+    if volume.has_surface or (not medium.scatters and isinstance(medium.density, Homogeneous)):
         return "glass", _values("glass", _glass(volume))
     if not isinstance(medium.phase, (Phase, MiePhase)):
         raise ValueError(f"the phase function {medium.phase} has no nodes in every engine; use water droplets or one or two "
@@ -154,12 +154,22 @@ def _glass(volume: Volume) -> dict[str, Any]:
         if max(walls) - min(walls) > GREY * max(volume.domain.half):
             raise ValueError(f"the wall of a hollow body must be equally thick along its axes, got {walls} m")
         shape, hollow = "shell", {"thickness": walls[0]}
+    if volume.sheet is not None:
+        shape, hollow = "sheet", {"thickness": volume.sheet.thickness, **_cover(volume.sheet.cover)}
     # The distance at which the strongest absorption leaves 1/e keeps every colour well inside its limits.
     strongest = max(volume.medium.sigma_a)
     distance = 1.0 / strongest if strongest > 0.0 else 1.0
     return {"shape": shape, **hollow, "distance": distance,
             "color": tuple(math.exp(-s * distance) for s in volume.medium.sigma_a),
             "refraction": boundary is not None, "ior": boundary.ior if boundary else 1.0}
+
+
+def _cover(cover: Cover | None) -> dict[str, Any]:
+    if cover is None:
+        return {}
+    return {"coverage_pattern": cover.pattern, "coverage": cover.coverage, "coverage_color": cover.albedo,
+            "coverage_size": cover.size, "coverage_softness": cover.softness, "color_variation": cover.variation,
+            "coverage_seed": cover.seed}
 
 
 def _cloud(volume: Volume) -> dict[str, Any]:

@@ -141,12 +141,12 @@ def cells(seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Points (PERIOD, PERIOD, 2) in the unit cells of stained glass and their colours (..., 3), by row and column modulo PERIOD."""
     index = (np.arange(PERIOD) + PERIOD // 2) % PERIOD - PERIOD // 2
     a, b = np.meshgrid(index, index)
-    hashed = [_hash(a, b, seed, k) for k in range(3)]
+    hashed = [cell_hash(a, b, seed, k) for k in range(3)]
     points = JITTER_LOW + JITTER * np.stack(hashed[:2], axis=-1)
     return points, GLASS_PALETTE[np.minimum((hashed[2] * len(GLASS_PALETTE)).astype(int), len(GLASS_PALETTE) - 1)]
 
 
-def _hash(a: np.ndarray, b: np.ndarray, seed: int, k: int) -> np.ndarray:
+def cell_hash(a: np.ndarray, b: np.ndarray, seed: int, k: int) -> np.ndarray:
     """A number in [0, 1) for each pair of whole numbers: the finaliser of MurmurHash3 (Appleby, public domain)."""
     h = (a * 73856093 ^ b * 19349663 ^ (seed * 83492791 + k * 2654435)) & 0xFFFFFFFF
     for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35)):

@@ -309,12 +309,43 @@ class Dielectric:
     ior: float
 
 
+MOST_CELLS = 128  # of a cover across a pane: its picture has 1024 pixels
+
+
+@dataclass(frozen=True)
+class Cover:
+    """What lies opaque on a pane (``pattern``: uniform, dirt or lead): Lambert of ``albedo`` over the share ``coverage`` of its area, where ``scene.pane`` tells.
+
+    ``size`` (m) is that of a cell between leads or of a speck of dirt, ``softness`` how gradually dirt begins, in [0, 1].
+    ``variation`` turns the colour of the glass from cell to cell, by up to so many halves of the colour circle either way.
+    """
+
+    pattern: str
+    coverage: float
+    albedo: Color
+    size: float = 1.0
+    softness: float = 0.0
+    variation: float = 0.0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A pane drawn as a plane: its ``thickness`` (m) counts for the light that crosses it, not for its place."""
+
+    thickness: float
+    cover: Cover | None = None
+
+
 @dataclass(frozen=True)
 class Volume:
     """A medium in a domain, with or without a refracting boundary. ``octaves`` is for the engines alone.
 
     ``cavity`` is an ellipsoid inside the domain that holds nothing: the body is a hollow shell, whose inner surface refracts
     as the outer one does. Only homogeneous media that absorb have one.
+
+    With a ``sheet`` the domain is a plane, a box of which one half size is 0, and stands for a pane of that thickness. Light
+    goes on where it was going, dimmed as by the whole plate, and what the plate mirrors leaves from the plane.
     """
 
     domain: Shape
@@ -322,8 +353,24 @@ class Volume:
     boundary: Dielectric | None = None
     octaves: Octaves | None = None
     cavity: Ellipsoid | None = None
+    sheet: Sheet | None = None
+
+    @property
+    def has_surface(self) -> bool:
+        """Whether light meets something at the faces of the domain, rather than only within it."""
+        return self.boundary is not None or self.sheet is not None
 
     def __post_init__(self) -> None:
+        if self.sheet is not None:
+            flat = isinstance(self.domain, Box) and sum(half == 0.0 for half in self.domain.half) == 1
+            if not flat or self.cavity is not None:
+                raise ValueError(f"a pane's domain is a box of which one half size is 0, got {self.domain}; set one to 0")
+            if self.medium.scatters or not isinstance(self.medium.density, Homogeneous):
+                raise ValueError(f"only a homogeneous medium that absorbs may be a pane, got {self.medium}; model its thickness")
+            cover, longer = self.sheet.cover, 2.0 * max(self.domain.half)
+            if cover is not None and cover.pattern != "uniform" and longer > (1.0 + 1e-9) * MOST_CELLS * cover.size:
+                raise ValueError(f"coverage_size = {cover.size:g} m is too small for a pane of {longer:g} m: more than "
+                                 f"{MOST_CELLS} cells lie across it; make it at least {longer / MOST_CELLS:.3g} m")
         if self.cavity is None:
             return
         if self.medium.scatters or not isinstance(self.medium.density, Homogeneous):
@@ -469,8 +516,8 @@ class Scene:
 
     @property
     def is_dielectric(self) -> bool:
-        """Whether light meets interfaces or cavities, which only the integrator of glass follows."""
-        return any(volume.boundary is not None or volume.cavity is not None for volume in self.volumes)
+        """Whether light meets interfaces, panes or cavities, which only the integrator of glass follows."""
+        return any(volume.has_surface or volume.cavity is not None for volume in self.volumes)
 
     @property
     def engine_orders(self) -> int:

@@ -16,7 +16,7 @@ from ..parameters.model import Group
 from .body import Body
 from .model import (
     Box, Camera, Cone, Density, DepthFog, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light,
-    Medium, NoiseShape, Point, Projector, Scene, Shape, Spot, Sun, Volume, scaled as times,
+    Medium, NoiseShape, Point, Projector, Scene, Shape, Sheet, Spot, Sun, Volume, scaled as times,
 )
 
 # Power of the length in each unit that parameters are declared in.
@@ -72,9 +72,13 @@ def _shape(shape: Shape, factor: float) -> Shape:
 
 def _volume(volume: Volume, factor: float) -> Volume:
     medium = volume.medium
-    return replace(volume, domain=_shape(volume.domain, factor), cavity=volume.cavity and _shape(volume.cavity, factor), medium=Medium(
-        times(medium.sigma_s, 1.0 / factor), times(medium.sigma_a, 1.0 / factor), medium.phase, _density(medium.density, factor),
-        medium.ambient))
+    sheet = volume.sheet
+    if sheet is not None:
+        cover = sheet.cover and replace(sheet.cover, size=sheet.cover.size * factor)
+        sheet = Sheet(sheet.thickness * factor, cover)
+    return replace(volume, domain=_shape(volume.domain, factor), cavity=volume.cavity and _shape(volume.cavity, factor),
+                   sheet=sheet, medium=Medium(times(medium.sigma_s, 1.0 / factor), times(medium.sigma_a, 1.0 / factor),
+                                              medium.phase, _density(medium.density, factor), medium.ambient))
 
 
 def _depth_fog(fog: DepthFog, factor: float) -> DepthFog:
