@@ -21,7 +21,7 @@ import math
 import pickle
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ from volumetrics_addon.plan.model import CYCLES, ENGINES  # noqa: E402
 POINTS = 5
 SPREAD = 16.0  # a number that spans decades goes from a sixteenth of its base to sixteen times that
 TOLERANCE = 0.005
-GOAL = 0.0012  # standard error of a mean, relative, that is enough; half of it where the error comes out above half the tolerance
+GOAL = 0.0014  # standard error of a mean, relative, that is enough; half of it where the error comes out above the tolerance
 REPEATS = 8
 TURNS = (-45.0, 10.0, 30.0, 60.0, 135.0)  # degrees
 COSINES = (-0.9, -0.4, 0.0, 0.5, 0.95)  # mean cosines of a phase function
@@ -56,7 +56,7 @@ class Base:
     props: bool = True
     values: Mapping[str, tuple] = field(default_factory=dict)
     beside: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    seconds: float = 8.0  # of one core, for reference and render each
+    seconds: float = 4.0  # of one core, for reference and render each
     samples: int = 16
 
 
@@ -209,7 +209,7 @@ class Meter:
             if error is None:
                 return [None, None, None]
             low, high = comparison.mean_relative_interval
-            if self.engine != CYCLES or abs(error) < TOLERANCE / 2 or low > TOLERANCE or high < -TOLERANCE:
+            if self.engine != CYCLES or abs(error) < TOLERANCE or wrong((error, low, high)):
                 break
         return [rounded(value) for value in (error, low, high)]
 
@@ -289,7 +289,7 @@ def sweep(family: str, engine: str, folder: Path, only: set[str], deadline: floa
     return True
 
 
-def wrong(result: list) -> bool:
+def wrong(result: Sequence) -> bool:
     """Whether the interval excludes errors within the tolerance."""
     return result[0] is not None and (result[1] > TOLERANCE or result[2] < -TOLERANCE)
 

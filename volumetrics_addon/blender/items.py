@@ -75,13 +75,13 @@ def values_of(item: bpy.types.Collection) -> dict[str, Any]:
 
 
 def effective(item: bpy.types.Collection) -> list[str]:
-    """Names of the live parameters that have an effect: not those of another phase function, nor of a shape that is baked."""
+    """Names of the live parameters that have an effect: not those of another phase function, nor of a shape that is baked or built."""
     mine = record(item)
     family = FAMILIES[mine["family"]]
     values = family.defaults() | mine.get("values", {})
     if is_baked(values):
         values["density"] = "baked"
-    return [parameter.name for parameter in family.live if family.applies(parameter.name, values)]
+    return [parameter.name for parameter in family.live if family.reacts(parameter.name, values)]
 
 
 def _volume(item: bpy.types.Collection) -> tuple[dict[str, Any], Volume]:

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an artist's handles mean physically: quantities in closed form that follow from the values of a family.
+
+Shown beside the handles in the panel, by ``volumetrics show`` and to scripts. Standard library only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
+
+from ..parameters.fog import CONTRAST_DEPTH
+from .families import air, fog, glass
+from .families.godray import FALLOFF
+from .model import Color, scaled, subtract
+
+NEARBY = 100.0  # m
+UNLIMITED = "unlimited"
+
+
+class Quantity(NamedTuple):
+    """``value``: a number, or one for each channel; ``unit``: SI, "" for a number without dimension."""
+
+    label: str
+    value: float | Color
+    unit: str = ""
+
+
+def derived(family: str, values: Mapping[str, Any]) -> list[Quantity]:
+    """The quantities of a family beside these checked values of all its parameters.
+
+    What would be infinite (the visibility in clear air) is ``inf``; a quantity that the values leave undefined is left out.
+    """
+    return list(_FAMILIES[family](values))
+
+
+def text(quantity: Quantity) -> str:
+    """Value and unit for people: three digits, lengths in mm, m or km, equal channels once."""
+    value, unit = quantity.value, quantity.unit
+    parts = value if isinstance(value, tuple) else (value,)
+    if unit == "m":
+        shortest = min(map(abs, parts))
+        factor, unit = (1e-3, "km") if 1e3 <= shortest < math.inf else (1e3, "mm") if 0.0 < shortest < 0.1 else (1.0, "m")
+        parts = tuple(part * factor for part in parts)
+    elif unit == "1/m" and 0.0 < max(parts) < 1e-3:
+        parts, unit = tuple(part * 1e3 for part in parts), "1/km"
+    words = list(map(_digits, parts))
+    if len(set(words)) == 1:
+        words = words[:1]
+    return " ".join(filter(None, (", ".join(words), unit if words != [UNLIMITED] else "")))
+
+
+def _digits(value: float) -> str:
+    if math.isinf(value):
+        return UNLIMITED
+    if value == 0.0 or 1e-3 <= abs(value) < 999.5:
+        return f"{value:.3g}"
+    return f"{value:.0f}" if 999.5 <= abs(value) < 1e5 else f"{value:.2g}"
+
+
+def _inverse(sigma: float) -> float:
+    return 1.0 / sigma if sigma > 0.0 else math.inf
+
+
+def _decay(depths: Iterable[float]) -> Color:
+    return tuple(math.exp(-depth) for depth in depths)
+
+
+def _events(albedo: Color) -> Color:
+    """Mean number of events up to an absorption in an infinite medium: 1 / (1 - albedo)."""
+    return tuple(_inverse(1.0 - part) for part in albedo)
+
+
+def _fog(values: Mapping[str, Any]) -> Iterable[Quantity]:
+    sigma = fog.extinction(values)
+    slab = values["profile"] == "slab"
+    second = 0.0 if slab else values["second_extinction"]
+    if values["visibility"] > 0.0:
+        yield Quantity("Extinction at the base", sigma, "1/m")
+    else:
+        yield Quantity("Visibility at the base", CONTRAST_DEPTH * _inverse(sigma + second), "m")
+    if slab:
+        height, up = values["slab_height"], sigma * values["slab_height"]
+    else:
+        heights = [values["scale_height"]] + ([values["second_scale_height"]] if second > 0.0 else [])
+        height = max(heights) * -math.log(values["cutoff"])
+        up = sum(extinction * h * -math.expm1(-height / h) for extinction, h in zip((sigma, second), heights))
+    yield Quantity("Height of the fog", height, "m")
+    yield Quantity("Optical depth straight up", up)
+    yield Quantity(f"Transmittance over {NEARBY:g} m", math.exp(-NEARBY * (sigma + second)))
+
+
+def _glass(values: Mapping[str, Any]) -> Iterable[Quantity]:
+    sigma = glass.absorption(values)
+    thinnest = min(values["size"])
+    yield Quantity("Absorption", sigma, "1/m")
+    yield Quantity("Depth of 1/e", tuple(map(_inverse, sigma)), "m")
+    if values["shape"] == "shell":
+        yield Quantity("Transmittance, two walls", _decay(scaled(sigma, 2.0 * values["thickness"])))
+    else:
+        yield Quantity("Transmittance, thinnest way", _decay(scaled(sigma, thinnest)))
+    if values["refraction"]:
+        yield Quantity("Reflectance face on", ((values["ior"] - 1.0) / (values["ior"] + 1.0)) ** 2)
+
+
+def _cloud(values: Mapping[str, Any]) -> Iterable[Quantity]:
+    sigma = values["extinction"]
+    yield Quantity("Mean free path", _inverse(sigma), "m")
+    if values["phase"] != "mie":
+        weight = values["lobe_weight"] if values["phase"] == "dual_hg" else 0.0
+        cosine = (1.0 - weight) * values["g"] + weight * values["g_back"]
+        yield Quantity("Mean cosine", cosine)
+        yield Quantity("Transport mean free path", _inverse(sigma * (1.0 - cosine)), "m")
+    yield Quantity("Optical depth, densest, x y z", scaled(values["size"], sigma))
+    yield Quantity("Mean events of a path", _events(values["albedo"]))
+
+
+def _godray(values: Mapping[str, Any]) -> Iterable[Quantity]:
+    length, near = values["length"], 0.0
+    distance = math.hypot(*subtract(values["target"], values["location"]))
+    lit, falloff = True, 2
+    if values["light"] == "projector":
+        near, falloff = values["near"], FALLOFF[values["falloff"]]
+        lit = near <= distance <= values["far"]
+        sides = [2.0 * length * math.tan(math.radians(values[f"{side}_fov"]) / 2.0) for side in ("horizontal", "vertical")]
+        yield Quantity("Beam's width at the end", sides[0], "m")
+        yield Quantity("Beam's height at the end", sides[1], "m")
+    else:
+        yield Quantity("Beam's radius at the end", length * math.tan(math.radians(values["cone_angle"]) / 2.0), "m")
+    intensity = scaled(values["color"], values["power"] / (4.0 * math.pi))
+    yield Quantity("Intensity", intensity, "W/sr")
+    yield Quantity("Visibility in the haze", CONTRAST_DEPTH * _inverse(values["extinction"]), "m")
+    yield Quantity("Optical depth of the beam", values["extinction"] * max(0.0, length - near))
+    if (way := distance**falloff) > 0.0:  # else the light stands in its target
+        depth = values["extinction"] * max(0.0, min(distance, length) - near)
+        yield Quantity("Irradiance at the target", scaled(intensity, math.exp(-depth) / way if lit else 0.0), "W/m2")
+
+
+def _air(values: Mapping[str, Any]) -> Iterable[Quantity]:
+    molecules = scaled(values["rayleigh_color"], air.PER_KILOMETRE * values["rayleigh_scattering"])
+    aerosol = air.PER_KILOMETRE * values["mie_extinction"]
+    high, low = (scale * -math.expm1(-values["thickness"] / scale)
+                 for scale in (values["rayleigh_scale_height"], values["mie_scale_height"]))
+    total = tuple(sigma + aerosol for sigma in molecules)
+    yield Quantity("Molecules straight up", scaled(molecules, high))
+    yield Quantity("Aerosol straight up", aerosol * low)
+    yield Quantity("Overhead sun kept", _decay(sigma * high + aerosol * low for sigma in molecules))
+    yield Quantity("Visibility at the ground", CONTRAST_DEPTH * _inverse(total[1]), "m")
+    yield Quantity("Air hides 1 - 1/e after", tuple(map(_inverse, total)), "m")
+
+
+_FAMILIES: dict[str, Callable[[Mapping[str, Any]], Iterable[Quantity]]] = {
+    "cloud": _cloud, "glass": _glass, "fog": _fog, "godray": _godray, "air": _air}
