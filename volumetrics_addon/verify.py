@@ -17,11 +17,13 @@ from .compare.report import report_picture
 from .compare.statistics import Comparison, Estimate, compare
 from .parameters.preset import Preset
 from .plan.model import CYCLES, EEVEE
-from .plan.rules import bakes_light, is_baked, light_resolution
+from .plan.rules import bakes_light, compositor_loss_allowed, is_baked, light_resolution
+from .reference import depth_fog
 from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
 from .scene.bake import voxelized
+from .scene.families import fog
 from .scene.model import Phase, Projector, Scene
 
 # Default tolerances of the mean relative error; EEVEE approximates, so its error is stated and by default not judged.
@@ -79,8 +81,14 @@ class Verification:
 
 
 def scene_of(preset: Preset, engine: str = CYCLES, paths: float = MANY_PATHS) -> Scene:
-    """The preset's Scene as the engine shows it in a picture of so many camera paths: noise in voxels, or as Blender evaluates it."""
+    """The preset's Scene as the engine shows it in a picture of so many camera paths.
+
+    Noise is in voxels, or as Blender evaluates it; fog is a volume, or made in the compositor where that loses little.
+    """
     scene = assemble.scene(preset.family, preset.parameters, preset.stage, preset.props)
+    if preset.parameters.get("realisation") == "automatic" and scene.depth_fog is None and not depth_fog.applies(scene):
+        if depth_fog.loss(scene) <= compositor_loss_allowed(engine):
+            scene = replace(scene, depth_fog=fog.depth_fog(preset.parameters))
     return replace(scene, volumes=tuple(
         voxelized(volume, preset.parameters["resolution"]) if is_baked(preset.parameters, volume, engine, paths)
         else compat.as_evaluated(volume) for volume in scene.volumes))
@@ -123,6 +131,8 @@ def verify(preset: Preset, engine: str, size: int, samples: int, *, repeats: int
 
 def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
     """Why an engine's error is what it is, in the engine's own terms."""
+    if scene.depth_fog is not None:
+        return ["the fog is made in the compositor: no shafts, and no light through its sides"] if scene.depth_fog.is_physical else []
     if engine == CYCLES:
         return []
     notes = []

@@ -7,7 +7,7 @@ import pytest
 
 from volumetrics_addon.parameters.families import FAMILIES
 from volumetrics_addon.physics.atmosphere import optical_depth
-from volumetrics_addon.physics.transmittance import height_optical_depth
+from volumetrics_addon.physics.transmittance import exp2_fog, exp_fog, height_optical_depth
 from volumetrics_addon.scene.derived import Quantity, derived, text
 
 
@@ -37,6 +37,19 @@ def test_two_layers_and_a_slab_of_fog():
     slab = of("fog", profile="slab", slab_height=8.0, extinction=0.25, second_extinction=3.0)
     assert slab["Optical depth straight up"] == about(2.0) and slab["Height of the fog"] == 8.0
     assert slab["Transmittance over 100 m"] == about(math.exp(-25.0))
+
+
+def test_patches_and_depth_fogs():
+    patch = of("fog", profile="patch", size=(20.0, 14.0, 3.0), extinction=0.5)
+    assert patch["Height of the fog"] == 3.0 and patch["Optical depth, densest"] == about(1.5)
+    linear = of("fog", profile="linear", start=20.0, end=100.0, far_color=(0.6, 0.7, 0.8), far_radiance=0.5)
+    assert (linear["Half hidden at"], linear["98 % hidden at"]) == about((60.0, 98.4))
+    assert linear["Radiance far away"] == about((0.3, 0.35, 0.4))
+    for profile, transmittance in (("exp", exp_fog), ("exp2", exp2_fog)):
+        shown = of("fog", profile=profile, start=20.0, extinction=0.01)
+        assert shown["Density"] == 0.01
+        for label, left in (("Half hidden at", 0.5), ("98 % hidden at", 0.02)):
+            assert float(transmittance(shown[label] - 20.0, 0.01)) == about(left)
 
 
 def test_glass():

@@ -16,7 +16,7 @@ from ..reference.light_grid import LightGrid
 from ..scene import units
 from ..scene.body import Body
 from ..scene.model import Box, Cone, Ellipsoid, Grid, Hull, Light, Projector, Scene, Shape, Sun
-from . import compat, fields, grid, groups, light, objects, projector, settings
+from . import compat, compositing, fields, grid, groups, light, objects, projector, settings
 from .nodes import Tree, socket_of
 
 _COLLECTIONS = ("objects", "meshes", "lights", "cameras", "materials", "node_groups", "worlds", "scenes", "collections", "images")
@@ -61,7 +61,8 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
         baked = {index: grid.scaled(1.0 / plan.unit) for index, grid in baked.items()}
     result = bpy.data.scenes.new("Volumetrics")
     collection = result.collection
-    for index, (body, settings_of_volume) in enumerate(zip(bodies, plan.volume_settings, strict=True)):
+    shown = () if plan.compositor_fog else bodies
+    for index, (body, settings_of_volume) in enumerate(zip(shown, plan.volume_settings, strict=True)):
         domain = add_body(body, label, collection, baked.get(index))
         set_volume_material(domain.material_slots[0].material, settings_of_volume)
     for index, source in enumerate(scene.lights):
@@ -72,7 +73,7 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
     if plan.light_enclosure:
         add_enclosure(scene.lights, bodies, "Light enclosure", collection)
     result.world = objects.world(scene.environment, "Volumetrics world")
-    result.camera = objects.camera(scene.camera, clip_range(scene, bodies, plan.engine), "Volumetrics camera", collection)
+    result.camera = objects.camera(scene.camera, clip_range(scene, [body for body in bodies if body.domain], plan.engine), "Volumetrics camera", collection)
     render = result.render
     render.engine = "CYCLES" if plan.engine == CYCLES else compat.current().eevee
     render.film_transparent = False
@@ -80,6 +81,10 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
     render.dither_intensity = 0.0
     render.use_stamp = False
     settings.apply(result, plan.settings)
+    if plan.compositor_fog:
+        suns = [candidate for candidate in collection.objects if candidate.type == "LIGHT"]
+        for body in bodies:
+            compositing.add(result, body.values, body.domain, suns, scene.environment, label)
     return result
 
 

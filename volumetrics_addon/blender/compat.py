@@ -24,11 +24,12 @@ class Version:
     homogeneous_flag: bool  # materials declare a homogeneous volume; later versions find out by themselves
     volume_biased: bool  # ray marching is an option beside unbiased null-scattering; before, it is the only way
     cell_hash: str  # random points of the Voronoi texture, see scene.model.NoiseShape
+    compositing_group: bool  # the compositor's nodes are a node group that scenes use; before, a tree of the scene's own
 
 
 TABLE = (
-    Version((4, 5, 0), "BLENDER_EEVEE_NEXT", (("file_format", "OPEN_EXR"),), True, True, False, "lookup3"),
-    Version((5, 0, 0), "BLENDER_EEVEE", (("media_type", "IMAGE"), ("file_format", "OPEN_EXR")), False, False, True, "pcg3d"),
+    Version((4, 5, 0), "BLENDER_EEVEE_NEXT", (("file_format", "OPEN_EXR"),), True, True, False, "lookup3", False),
+    Version((5, 0, 0), "BLENDER_EEVEE", (("media_type", "IMAGE"), ("file_format", "OPEN_EXR")), False, False, True, "pcg3d", True),
 )
 
 
@@ -66,3 +67,53 @@ def as_evaluated(volume: Volume) -> Volume:
     if not isinstance(density, NoiseShape):
         return volume
     return replace(volume, medium=replace(volume.medium, density=replace(density, cell_hash=current().cell_hash)))
+
+
+# Node types of a compositor that does nothing.
+PLAIN_COMPOSITING = {"CompositorNodeRLayers", "CompositorNodeComposite", "CompositorNodeViewer", "NodeGroupOutput", "NodeGroupInput"}
+
+
+def present_compositing_tree(scene: bpy.types.Scene) -> Any:
+    """The compositor's node tree where the scene has one in use, or None."""
+    if current().compositing_group:
+        return scene.compositing_node_group
+    return scene.node_tree if scene.use_nodes else None
+
+
+def compositing_state(scene: bpy.types.Scene) -> bool:
+    """Whether the scene has compositor nodes in use, for ``restore_compositing``."""
+    return present_compositing_tree(scene) is not None
+
+
+def compositing_tree(scene: bpy.types.Scene) -> Any:
+    """The compositor's node tree, made where there is none: Render Layers linked to the output."""
+    present = present_compositing_tree(scene)
+    if present is not None:
+        return present
+    if current().compositing_group:
+        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        scene.compositing_node_group = tree
+        output = tree.nodes.new("NodeGroupOutput")
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+        output = tree.nodes.new("CompositorNodeComposite")
+    layers = tree.nodes.new("CompositorNodeRLayers")
+    layers.scene = scene
+    tree.links.new(layers.outputs["Image"], output.inputs[0])
+    return tree
+
+
+def restore_compositing(scene: bpy.types.Scene, state: bool) -> None:
+    """Take away compositor nodes that were made for a scene that had none in use."""
+    if state:
+        return
+    if current().compositing_group:
+        tree, scene.compositing_node_group = scene.compositing_node_group, None
+        if tree is not None and tree.users == 0:
+            bpy.data.node_groups.remove(tree)
+    elif scene.node_tree is not None:
+        scene.node_tree.nodes.clear()
+        scene.use_nodes = False

@@ -23,7 +23,7 @@ def lights(scene: bpy.types.Scene) -> tuple[tuple[Light, ...], list[str]]:
             continue
         data = candidate.data
         if data.type not in ("SUN", "POINT", "SPOT"):
-            warnings.append(f"{candidate.name} is left out: {data.type.lower()} lights are not baked; "
+            warnings.append(f"{candidate.name} is left out: {data.type.lower()} lights do not count; "
                             "use a sun, point or spot")
             continue
         factor = data.energy * 2.0 ** data.exposure
@@ -56,7 +56,7 @@ def environment(scene: bpy.types.Scene) -> tuple[Color, list[str]]:
         return (0.0, 0.0, 0.0), []
     background = output.inputs["Surface"].links[0].from_node
     if background.bl_idname != "ShaderNodeBackground" or any(socket.is_linked for socket in background.inputs):
-        return (0.0, 0.0, 0.0), [f"the world {world.name!r} is left out: only a Background of one colour is baked"]
+        return (0.0, 0.0, 0.0), [f"the world {world.name!r} is left out: only a Background of one colour counts"]
     strength = background.inputs["Strength"].default_value
     return tuple(strength * c for c in background.inputs["Color"].default_value[:3]), []
 

@@ -23,8 +23,10 @@ from ..plan.rules import is_baked, light_resolution, participation, plan
 from ..reference import light_grid
 from ..scene import assemble
 from ..scene.bake import voxelized
+from ..scene.body import Body
+from ..scene.families import fog
 from ..scene.model import Camera, Scene, Sun, Volume, add
-from . import build, compat, extract, fields, grid, groups, light, objects, settings
+from . import build, compat, compositing, extract, fields, grid, groups, light, objects, settings
 
 KEY = "volumetrics"
 TAG = "volumetrics_item"
@@ -44,7 +46,9 @@ def record(item: bpy.types.Collection) -> dict[str, Any]:
 
 
 def live_node(item: bpy.types.Collection) -> bpy.types.Node | None:
-    """The group node whose sockets are the item's live parameters."""
+    """The group node whose sockets are the item's live parameters: in its material, or in the compositor."""
+    if record(item).get("compositor"):
+        return compositing.node_of(record(item)["id"], TAG)
     for candidate in item.objects:
         for slot in candidate.material_slots:
             if slot.material is None or slot.material.node_tree is None:
@@ -81,7 +85,10 @@ def effective(item: bpy.types.Collection) -> list[str]:
     values = family.defaults() | mine.get("values", {})
     if is_baked(values):
         values["density"] = "baked"
-    return [parameter.name for parameter in family.live if family.reacts(parameter.name, values)]
+    if "realisation" in values:
+        values["realisation"] = "compositor" if mine.get("compositor") else "volume"
+    has_effect = family.applies if mine.get("compositor") else family.reacts  # the compositor has no domain that was built
+    return [parameter.name for parameter in family.live if has_effect(parameter.name, values)]
 
 
 def _volume(item: bpy.types.Collection) -> tuple[dict[str, Any], Volume]:
@@ -163,6 +170,9 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     for name in ("location", "target"):
         if name in values:
             values[name] = add(values[name], offset)
+    composited = family == "fog" and fog.is_composited(values)
+    if composited:
+        compositing.check(scene)
     bounds = scene_bounds(scene) if family == "fog" else None
     item = assemble.ASSEMBLERS[family](values, bounds)
     if is_baked(values):
@@ -176,6 +186,8 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     collection = bpy.data.collections.new(label)
     scene.collection.children.link(collection)
     medium = assemble.body(family, values, item.volumes)
+    if composited:
+        return _add_to_compositor(scene, medium, collection, label, orders, before)
     domain = build.add_body(medium, label, collection)
     cycles = plan(described, [medium], CYCLES, 1, has_null_scattering=compat.current().volume_biased)
     build.set_volume_material(domain.material_slots[0].material, *cycles.volume_settings)
@@ -187,10 +199,7 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     if plan(described, [medium], EEVEE, 1).light_enclosure:
         build.add_enclosure(described.lights, [medium], f"{label} light enclosure", collection)
 
-    identity = uuid.uuid4().hex
-    for name in _OWNED:
-        for block in set(getattr(bpy.data, name)) - before[name]:
-            block[TAG] = identity
+    identity = _tag(before)
     for part in collection.objects:  # whatever belongs to the item moves with its domain
         if part != domain:
             part.parent = domain
@@ -200,6 +209,42 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     collection[KEY] = json.dumps({"id": identity, "family": family, "label": label, "orders": orders, "values": values,
                                   "before": changed, "applied": wanted})
     return collection
+
+
+def _tag(before: Mapping[str, set]) -> str:
+    """A new identity, on every datablock made since ``before``."""
+    identity = uuid.uuid4().hex
+    for name in _OWNED:
+        for block in set(getattr(bpy.data, name)) - before[name]:
+            block[TAG] = identity
+    return identity
+
+
+def _add_to_compositor(scene: bpy.types.Scene, body: Body, collection: bpy.types.Collection, label: str, orders: int,
+                       before: Mapping[str, set]) -> bpy.types.Collection:
+    """Fog as a pass of the scene's compositor, lit by the suns that the scene renders and by its world where that has one colour."""
+    suns = [candidate for candidate in scene.objects
+            if candidate.type == "LIGHT" and candidate.data.type == "SUN" and not candidate.hide_render]
+    try:
+        compositing.add(scene, body.values, body.domain, suns, extract.environment(scene)[0], label)
+    except ValueError:
+        bpy.data.collections.remove(collection)
+        raise
+    wanted = {"render.use_compositing": True}
+    changed = settings.apply(scene, wanted)
+    collection[KEY] = json.dumps({"id": _tag(before), "family": body.family.name, "label": label, "orders": orders,
+                                  "values": dict(body.values), "before": changed, "applied": wanted, "compositor": True})
+    return collection
+
+
+def warnings(scene: bpy.types.Scene, item: bpy.types.Collection) -> list[str]:
+    """What the item leaves out of this scene, in words for its user."""
+    if not record(item).get("compositor"):
+        return []
+    lamps = sorted({candidate.data.type.lower() for candidate in scene.objects
+                    if candidate.type == "LIGHT" and candidate.data.type != "SUN" and not candidate.hide_render})
+    found = [f"{kind} lights do not shine into the compositor's fog; choose the volume for them" for kind in lamps]
+    return found + extract.environment(scene)[1]
 
 
 def can_bake_light(item: bpy.types.Collection) -> bool:
@@ -249,6 +294,8 @@ def remove_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
     mine = record(item)
     others = [other for other in items(scene) if other != item]
     _restore(scene, mine, others)
+    if mine.get("compositor") and (node := live_node(item)):
+        compositing.remove(scene, node)
     for guest in item.objects:  # what the user has moved in moves out
         if guest.get(TAG) != mine["id"] and guest.users_collection == (item,):
             scene.collection.objects.link(guest)

@@ -195,7 +195,7 @@ def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, 
     plan.settings.update(settings or {})
     report = progress or (lambda share: None)
     if not plan.channels_apart:
-        baked = _baked_light(scene, bodies, plan, seed)
+        baked = {} if plan.compositor_fog else _baked_light(scene, bodies, plan, seed)
         with build.temporary():
             built = build.build(scene, bodies, plan, label, baked)
             images = render_built(built, width, height, seed=seed, repeats=repeats, quiet=quiet, progress=report)

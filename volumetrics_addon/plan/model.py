@@ -24,6 +24,7 @@ class Plan:
     """Settings by path below the Blender scene, settings of each body's material, and the decisions behind them.
 
     ``unit``: metres in one unit of the Blender scene. ``channels_apart``: red, green and blue are three renders in grey.
+    ``compositor_fog``: the media are no volumes but a pass of the compositor.
     """
 
     engine: str
@@ -34,6 +35,7 @@ class Plan:
     light_enclosure: bool = False
     unit: float = 1.0
     channels_apart: bool = False
+    compositor_fog: bool = False
 
     def decide(self, rule: str, effect: str, reason: str) -> None:
         self.decisions.append(Decision(rule, effect, reason))

@@ -22,7 +22,7 @@ REFERENCES = ("single_scattering", "dielectric", "sky_tables", "path_tracing")
 RIVALS = (
     "ray_marching", "quarter_resolution", "light_slices", "half_angle_slices", "froxels", "octaves", "adding_doubling",
     "ambient_scattering", "ambient_occlusion", "emission_absorption", "sky_single_scattering",
-    "aerial_perspective", "preetham_sky",
+    "aerial_perspective", "preetham_sky", "depth_fog",
 )
 NAMES = REFERENCES + RIVALS
 
@@ -40,7 +40,12 @@ def summary(module: ModuleType) -> str:
 
 
 def integrator(scene: Scene) -> ModuleType:
-    """The first reference that applies. Raises ValueError with every integrator's reason when none does."""
+    """The first reference that applies, or the formula of a fog that no medium makes.
+
+    Raises ValueError with every integrator's reason when none does.
+    """
+    if not scene.has_light_transport:
+        return load("depth_fog")
     reasons = []
     for name in REFERENCES:
         module = load(name)

@@ -8,15 +8,18 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..parameters.families import FAMILIES
+from ..parameters.fog import DEPTH_FOGS
 from .body import Body
-from .families import ASSEMBLERS, air, glass
+from .families import ASSEMBLERS, air, fog, glass
 from .families.item import Bounds
 from .model import Box, Camera, Ellipsoid, Light, Scene, Sun, Surface, Vector, Volume, normalized, scaled, subtract, turned
 
 
 def body(family: str, values: Mapping[str, Any], volumes: Iterable[Volume]) -> Body:
-    """The volumes of a family, all in one domain, as the one object that the engines show."""
+    """The volumes of a family, all in one domain, as the one object that the engines show; a depth fog has none."""
     volumes = tuple(volumes)
+    if family == "fog" and values["profile"] in DEPTH_FOGS:
+        return Body(FAMILIES[family], values, (), None)
     domains = {volume.domain for volume in volumes}
     if len(domains) != 1:
         raise ValueError(f"a body has one domain, got {len(domains)} in {len(volumes)} volumes; make a body of each")
@@ -52,6 +55,7 @@ def scene(family: str, parameters: Mapping[str, Any], stage: Mapping[str, Any],
     if stage["sun_irradiance"] > 0.0:
         direction = sun_direction(math.radians(stage["sun_elevation"]), math.radians(stage["sun_azimuth"]))
         lights = (Sun(direction, scaled(stage["sun_color"], stage["sun_irradiance"])), *lights)
+    composited = family == "fog" and fog.is_composited(parameters)
     return Scene(
         camera, lights, scaled(stage["environment_color"], stage["environment_radiance"]), item.volumes,
-        surfaces + item.surfaces, stage["orders"])
+        surfaces + item.surfaces, stage["orders"], fog.depth_fog(parameters) if composited else None)

@@ -16,10 +16,10 @@ class Body:
     """One object with one material: coincident domains lose one in Cycles, so the media of one domain are one body.
 
     ``domain`` is where the engines follow the media. It is smaller than the volumes' own where those reach farther than
-    anything that a picture shows.
+    anything that a picture shows. A depth fog has neither volumes nor domain.
     """
 
     family: Group
     values: Mapping[str, Any]
     volumes: tuple[Volume, ...]
-    domain: Shape
+    domain: Shape | None

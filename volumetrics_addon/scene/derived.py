@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
-from ..parameters.fog import CONTRAST_DEPTH
+from ..parameters.fog import CONTRAST_DEPTH, DEPTH_FOGS
 from .families import air, fog, glass
 from .families.godray import FALLOFF
 from .model import Color, scaled, subtract
@@ -73,22 +73,39 @@ def _events(albedo: Color) -> Color:
 
 
 def _fog(values: Mapping[str, Any]) -> Iterable[Quantity]:
-    sigma = fog.extinction(values)
-    slab = values["profile"] == "slab"
-    second = 0.0 if slab else values["second_extinction"]
+    sigma, profile = fog.extinction(values), values["profile"]
+    if profile in DEPTH_FOGS:
+        yield from _depth_fog(values, sigma)
+        return
+    second = values["second_extinction"] if profile == "exponential" else 0.0
     if values["visibility"] > 0.0:
         yield Quantity("Extinction at the base", sigma, "1/m")
     else:
         yield Quantity("Visibility at the base", CONTRAST_DEPTH * _inverse(sigma + second), "m")
-    if slab:
-        height, up = values["slab_height"], sigma * values["slab_height"]
-    else:
+    if profile == "exponential":
         heights = [values["scale_height"]] + ([values["second_scale_height"]] if second > 0.0 else [])
         height = max(heights) * -math.log(values["cutoff"])
         up = sum(extinction * h * -math.expm1(-height / h) for extinction, h in zip((sigma, second), heights))
+    else:
+        height = values["slab_height"] if profile == "slab" else values["size"][2]
+        up = sigma * height
     yield Quantity("Height of the fog", height, "m")
-    yield Quantity("Optical depth straight up", up)
+    yield Quantity("Optical depth, densest" if profile == "patch" else "Optical depth straight up", up)
     yield Quantity(f"Transmittance over {NEARBY:g} m", math.exp(-NEARBY * (sigma + second)))
+
+
+def _depth_fog(values: Mapping[str, Any], sigma: float) -> Iterable[Quantity]:
+    """Of physics.transmittance: linear_fog, exp_fog and exp2_fog, from the start on."""
+    start = values["start"]
+    if values["profile"] == "linear":
+        half, nearly = ((1.0 - share) * start + share * values["end"] for share in (0.5, 0.98))
+    else:
+        power = {"exp": 1.0, "exp2": 0.5}[values["profile"]]
+        half, nearly = (start + _inverse(sigma) * depth**power for depth in (math.log(2.0), CONTRAST_DEPTH))
+        yield Quantity("Density", sigma, "1/m")
+    yield Quantity("Half hidden at", half, "m")
+    yield Quantity("98 % hidden at", nearly, "m")
+    yield Quantity("Radiance far away", scaled(values["far_color"], values["far_radiance"]), "W/(m2 sr)")
 
 
 def _glass(values: Mapping[str, Any]) -> Iterable[Quantity]:

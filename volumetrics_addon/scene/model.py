@@ -386,9 +386,46 @@ class Camera:
     field_of_view: float
 
 
+DEPTH_FALLOFFS = ("linear", "exp", "exp2")
+
+
+@dataclass(frozen=True)
+class DepthFog:
+    """Fog as a compositor makes it, in closed form from the depth of each pixel (reference.depth_fog has the formulas).
+
+    Without ``falloff`` it shows the scene's volumes, which are height fog; a depth fog by ``falloff`` knows the distance alone:
+    with ``density`` (1/m), ``albedo`` and ``g``, full at ``end`` (linear), fading to ``radiance``. The rest has no counterpart in a
+    volume: fog begins at ``start`` and spares what is beyond ``cutoff`` (m), hides ``max_opacity`` at most, and the sun's light in
+    it is tinted.
+    """
+
+    start: float = 0.0
+    cutoff: float = math.inf
+    max_opacity: float = 1.0
+    sun_tint: Color = (1.0, 1.0, 1.0)
+    falloff: str = ""
+    end: float = math.inf
+    density: float = 0.0
+    albedo: Color = (1.0, 1.0, 1.0)
+    g: float = 0.0
+    radiance: Color = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.falloff == "linear" and self.end <= self.start:
+            raise ValueError(f"end must be > start, got end {self.end:g} m and start {self.start:g} m; let the fog end behind its start")
+
+    @property
+    def is_physical(self) -> bool:
+        """Whether it stands for a volume, so that light transport is its truth."""
+        return self == DepthFog()
+
+
 @dataclass(frozen=True)
 class Scene:
-    """Everything an integrator or an engine needs. ``orders`` counts scattering events (1: single scattering)."""
+    """Everything an integrator or an engine needs. ``orders`` counts scattering events (1: single scattering).
+
+    With ``depth_fog`` the engines show the volumes, or a fog by distance, in their compositor.
+    """
 
     camera: Camera
     lights: tuple[Light, ...] = ()
@@ -396,6 +433,12 @@ class Scene:
     volumes: tuple[Volume, ...] = ()
     surfaces: tuple[Surface, ...] = ()
     orders: int = 1
+    depth_fog: DepthFog | None = None
+
+    @property
+    def has_light_transport(self) -> bool:
+        """Whether the picture is that of light in media and on bodies: not with a fog that no medium makes."""
+        return self.depth_fog is None or self.depth_fog.is_physical
 
     @property
     def is_dielectric(self) -> bool:

@@ -15,12 +15,12 @@ from typing import Any
 from ..parameters.model import Group
 from .body import Body
 from .model import (
-    Box, Camera, Cone, Density, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light, Medium, NoiseShape,
+    Box, Camera, Cone, Density, DepthFog, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light, Medium, NoiseShape,
     Point, Projector, Scene, Shape, Spot, Sun, Volume, scaled as times,
 )
 
 # Power of the length in each unit that parameters are declared in.
-DIMENSIONS = {"": 0, "deg": 0, "m": 1, "1/m": -1, "1/km": -1, "W": 2, "m/s": 1, "s": 0, "1/s": 0, "um": 0}
+DIMENSIONS = {"": 0, "W/(m2 sr)": 0, "deg": 0, "m": 1, "1/m": -1, "1/km": -1, "W": 2, "m/s": 1, "s": 0, "1/s": 0, "um": 0}
 
 
 def scaled(scene: Scene, factor: float) -> Scene:
@@ -32,13 +32,14 @@ def scaled(scene: Scene, factor: float) -> Scene:
         scene, camera=Camera(times(camera.position, factor), camera.direction, camera.field_of_view),
         lights=tuple(_light(light, factor) for light in scene.lights),
         volumes=tuple(_volume(volume, factor) for volume in scene.volumes),
-        surfaces=tuple(replace(surface, shape=_shape(surface.shape, factor)) for surface in scene.surfaces))
+        surfaces=tuple(replace(surface, shape=_shape(surface.shape, factor)) for surface in scene.surfaces),
+        depth_fog=scene.depth_fog and _depth_fog(scene.depth_fog, factor))
 
 
 def scaled_body(body: Body, factor: float) -> Body:
     """The Body with lengths multiplied by ``factor``; its family declares the same parameters with scaled limits."""
     return Body(_group(body.family, factor), _values(body.family, body.values, factor),
-                tuple(_volume(volume, factor) for volume in body.volumes), _shape(body.domain, factor))
+                tuple(_volume(volume, factor) for volume in body.volumes), body.domain and _shape(body.domain, factor))
 
 
 def _values(group: Group, values: Mapping[str, Any], factor: float) -> dict[str, Any]:
@@ -72,6 +73,10 @@ def _volume(volume: Volume, factor: float) -> Volume:
     medium = volume.medium
     return replace(volume, domain=_shape(volume.domain, factor), cavity=volume.cavity and _shape(volume.cavity, factor), medium=Medium(
         times(medium.sigma_s, 1.0 / factor), times(medium.sigma_a, 1.0 / factor), medium.phase, _density(medium.density, factor)))
+
+
+def _depth_fog(fog: DepthFog, factor: float) -> DepthFog:
+    return replace(fog, start=fog.start * factor, cutoff=fog.cutoff * factor, end=fog.end * factor, density=fog.density / factor)
 
 
 def _density(density: Density, factor: float) -> Density:

@@ -28,11 +28,14 @@ class VOLUMETRICS_OT_add(bpy.types.Operator):
         except ValueError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        for selected in list(context.view_layer.objects.selected):
-            selected.select_set(False)
-        for added in item.objects:
-            added.select_set(True)
-        context.view_layer.objects.active = item.objects[0]
+        for text in items.warnings(context.scene, item):
+            self.report({"WARNING"}, text)
+        if item.objects:  # fog in the compositor has none
+            for selected in list(context.view_layer.objects.selected):
+                selected.select_set(False)
+            for added in item.objects:
+                added.select_set(True)
+            context.view_layer.objects.active = item.objects[0]
         return {"FINISHED"}
 
 

@@ -7,10 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...parameters.fog import CONTRAST_DEPTH
+from ...scene.families.fog import WISP_DETAIL, WISP_ROUGHNESS
 from ...scene.model import Shape
 from ..fields import Fields
 from ..nodes import Tree, socket_of
 from ..shaders import Outputs, Sockets, one_lobe
+from .cloud import noise_density
 
 
 def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
@@ -20,6 +22,11 @@ def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shap
                          build.math("DIVIDE", CONTRAST_DEPTH, inputs["visibility"]))
     if values["profile"] == "slab":
         return one_lobe(build, inputs["albedo"], at_base, inputs["g"])
+    if values["profile"] == "patch":
+        carved = {**inputs, "softness": inputs["edge"], "fill": 1.0, "stretch": 1.0, "seed": 0.0, "evolution": 0.0,
+                  "noise_detail": WISP_DETAIL, "noise_roughness": WISP_ROUGHNESS}
+        density = noise_density(build, carved, {"profile": "round", "billow_octaves": 0, "base": 0.0}, shape)
+        return one_lobe(build, inputs["albedo"], build.math("MULTIPLY", at_base, density), inputs["g"])
     position = socket_of(build.node("ShaderNodeNewGeometry").outputs, "Position")
     depth = build.math("SUBTRACT", inputs["base_height"], build.components(position)[2])
 

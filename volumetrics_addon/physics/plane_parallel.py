@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Single scattering in a plane-parallel medium, in closed form.
+
+Extinction depends on the height alone and reaches sideways without end; albedo and phase function are the same everywhere, and
+nothing casts a shadow. In terms of optical depths the height profile drops out: with
+
+    tau   the vertical depth of the medium above the point where a ray enters it,
+    S     the optical depth along the ray, to where it ends,
+    mu    the upward part of the ray's unit direction,
+    mu0   the sine of a light's elevation, > 0 above the horizon,
+
+light that arrives with unit irradiance facing it scatters into the ray, before albedo and phase function,
+
+    G = integral_0^S exp(-t - (tau - mu t) / mu0) dt = exp(-tau / mu0) (1 - exp(-x)) / x S,   x = S (1 - mu / mu0).
+
+Light from below the horizon is the mirror image: depths from below, -mu and -mu0.
+"""
+
+import numpy as np
+
+from . import checks
+from .quadrature import gauss_legendre
+
+# Sky light comes from this many elevations, and the phase function has so many moments beside its forward peak. Over random rays in
+# fog of depths up to 4 the error of sky light is then 0.1 % in the mean and 0.9 % (|g| <= 0.6) or 6 % (0.8) of the mean in RMS.
+ELEVATIONS, MOMENTS = 5, 9
+
+
+def vertical_depth(z, sigma_t, scale_height, base, top):
+    """Optical depth straight up from height z of extinction sigma_t exp(-(z - base) / scale_height) between base and top.
+
+    z, base < top and scale_height > 0 in metres, scale_height may be infinite (a slab); sigma_t >= 0 per metre. Below the base
+    it is the depth of the whole. Raises ValueError out of range.
+    """
+    z = np.clip(checks.finite("z", z, "metres"), base, top)
+    sigma_t = checks.nonnegative("sigma_t", sigma_t, "per metre", "use a positive extinction")
+    if np.isinf(scale_height):
+        return sigma_t * (top - z)
+    scale_height = checks.positive("scale_height", scale_height, "metres", "for a slab use infinity")
+    return sigma_t * scale_height * np.exp(-(z - base) / scale_height) * -np.expm1(-(top - z) / scale_height)
+
+
+def single_scattering(tau, depth, mu, mu0):
+    """G of the module's formula: what a light of unit irradiance scatters into a ray, over albedo and phase function.
+
+    tau and depth (S) >= 0, mu in [-1, 1], mu0 in (0, 1]; for a ray that ends within the medium mu S <= tau. Of both ends of the
+    ray the formula starts at the one that more light reaches, so that no factor overflows. Raises ValueError out of range.
+    """
+    tau = checks.nonnegative("tau", tau, "", "give an optical depth")
+    depth = checks.nonnegative("depth", depth, "", "give an optical depth")
+    mu = checks.cosine("mu", mu)
+    mu0 = checks.checked("mu0", mu0, lambda value: (value > 0.0) & (value <= 1.0), "in (0, 1]", "give a light above the horizon")
+    x = depth * (1.0 - mu / mu0)
+    size = np.abs(x)
+    mean = np.where(size > 0.0, -np.expm1(-size) / np.where(size > 0.0, size, 1.0), 1.0)
+    return depth * mean * np.exp(-tau / mu0 + np.maximum(-x, 0.0))
+
+
+def sky_light(tau, depth, mu, g):
+    """What a sky of unit radiance over the horizon scatters into a ray, over the albedo (phase function included).
+
+    2 pi integral_0^1 p(mu, mu0) G(mu0) d mu0 by ELEVATIONS Gauss nodes, with p the Henyey-Greenstein phase function of mean
+    cosine g averaged over azimuth: p = sum_l (2 l + 1) (g^l - f) P_l(mu) P_l(mu0) / 4 pi + f delta(mu - mu0) / 2 pi, whose
+    forward peak f = g^MOMENTS is taken out of the MOMENTS terms (delta-M: Wiscombe, J. Atmos. Sci. 34, 1977). Arguments as in
+    single_scattering.
+    """
+    tau, depth, mu = np.broadcast_arrays(*(np.asarray(a, float) for a in (tau, depth, mu)))
+    nodes, weights = gauss_legendre(ELEVATIONS, 0.0, 1.0)
+    peak = g**MOMENTS
+    order = np.arange(MOMENTS)
+    strength = (2 * order + 1) * (g**order - peak) / 2.0  # 2 pi / 4 pi
+    value = np.zeros(np.shape(mu))
+    moments = np.polynomial.legendre.legvander(mu, MOMENTS - 1)
+    for mu0, weight, row in zip(nodes, weights, np.polynomial.legendre.legvander(nodes, MOMENTS - 1)):
+        value = value + weight * (moments @ (strength * row)) * single_scattering(tau, depth, mu, mu0)
+    above = mu > 0.0
+    forward = depth * np.exp(-np.minimum(tau / np.where(above, mu, 1.0), 700.0))
+    return value + peak * np.where(above, forward, 0.0)
+
+
+def sky_transmittance(tau):
+    """Share of a uniform sky's irradiance that passes the vertical depth tau unscattered: 2 E3(tau), by ELEVATIONS Gauss nodes."""
+    tau = checks.nonnegative("tau", tau, "", "give an optical depth")
+    nodes, weights = gauss_legendre(ELEVATIONS, 0.0, 1.0)
+    return sum(2.0 * weight * mu0 * np.exp(-tau / mu0) for mu0, weight in zip(nodes, weights))
