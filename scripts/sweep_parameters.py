@@ -60,7 +60,7 @@ class Base:
     samples: int = 16
 
 
-BARE = {"blocker": "none"}
+BARE, COMPOSITOR = {"blocker": "none"}, {"realisation": "compositor"}
 BASES = {
     "cloud": Base(
         "cumulus", 14, {"extinction": 0.04, "noise_detail": 2.0, "billow_octaves": 2, "resolution": 64}, {"orders": 6}, props=False,
@@ -77,7 +77,11 @@ BASES = {
     "fog": Base("morning-valley", 14, values={
         "visibility": (0.0, 20.0, 80.0, 300.0, 2000.0), "slab_height": (0.5, 2.0, 4.0, 12.0, 60.0),
         "base_height": (-3.0, -1.0, 0.0, 1.0, 4.0), "second_extinction": (0.0, 0.002, 0.01, 0.04),
-        "cutoff": (1e-5, 2e-3, 0.02, 0.1, 0.5)}),
+        "cutoff": (1e-5, 2e-3, 0.02, 0.1, 0.5), "location": ((0.0, 0.0, 1.5), (6.0, -8.0, 1.0), (-4.0, 5.0, 3.0)),
+        "far_radiance": (0.0, 0.1, 0.5, 2.0), "start": (0.0, 5.0, 20.0, 60.0), "end": (25.0, 50.0, 100.0, 400.0),
+        "cutoff_distance": (10.0, 40.0, 80.0, 1e6), "wind": ((0.0, 0.0, 0.0), (0.5, 0.3, 0.0), (-4.0, 1.0, 0.0)), "time": (0.0, 2.0, 60.0)},
+        beside={name: COMPOSITOR for name in ("start", "cutoff_distance", "max_opacity", "sun_tint")}
+        | {"wind": {"time": 3.0}, "time": {"wind": (0.4, 0.1, 0.0)}}),
     "godray": Base("theatre-slats", 14, values={
         "location": ((-3.8, 1.0, 7.6), (-2.0, 0.0, 6.5), (3.0, 2.0, 8.5)), "target": ((0.3, 0.6, 0.0), (-1.5, 0.0, 0.5), (2.0, 1.5, 1.0)),
         "power": (0.0, 65.0, 6500.0, 650000.0), "cone_angle": (2.0, 15.0, 38.0, 70.0, 110.0), "count": (1, 2, 4, 8),

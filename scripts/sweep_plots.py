@@ -114,13 +114,15 @@ def _panel(axes: Any, parameter: Parameter, entry: Mapping[str, Any], engine: st
     axes.axhline(0.0, color=FAINT, linewidth=0.8, zorder=1)
     if logarithmic:
         axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.xaxis.set_minor_formatter("")
     for shift, run in enumerate(runs):
         measured = _measured(entry, run)
         if not measured:
             continue
         color = COLORS.get(run.split(" ")[1], "#444444")
-        x = [places[index] for index, _ in measured]
+        beside = 0.02 * shift * (math.log(max(places) / min(places)) if logarithmic else max(places) - min(places))
+        x = [places[index] * math.exp(beside) if logarithmic else places[index] + beside for index, _ in measured]
         y = [error for _, (error, _, _) in measured]
         bars = [[e - low for _, (e, low, _) in measured], [top - e for _, (e, _, top) in measured]]
         axes.errorbar(x, y, bars, color=color, marker="o", markersize=3.2 - 0.6 * shift, linewidth=1.1, elinewidth=0.8, zorder=3 + shift,
@@ -132,15 +134,18 @@ def _panel(axes: Any, parameter: Parameter, entry: Mapping[str, Any], engine: st
     axes.yaxis.set_major_formatter(lambda value, _: f"{100.0 * value:.3g}%")
     if parameter.kind in ("choice", "bool", "vector") or _flat(parameter, entry["values"]):
         words = [_value(value) if parameter.kind != "vector" else str(index + 1) for index, value in enumerate(entry["values"])]
-        axes.set_xticks(places, [word if len(word) < 9 else word[:8] for word in words],
-                        rotation=28 if len(words) > 3 and parameter.kind == "choice" else 0, fontsize=6 if len(words) > 4 else 7)
+        axes.set_xticks(places, [word if len(word) < 12 else word[:11] + "…" for word in words],
+                        rotation=90 if len(words) > 7 else 28 if len(words) > 3 and parameter.kind == "choice" else 0, fontsize=6)
         axes.set_xlim(-0.5, len(words) - 0.5)
+    elif not logarithmic:
+        axes.locator_params(axis="x", nbins=5)
     axes.set_title(f"{parameter.name} ({parameter.unit})" if parameter.unit else parameter.name, loc="left", fontsize=8.5, fontweight="bold",
                    pad=11)
     if entry["beside"]:
         beside = _words(entry["beside"])
         axes.text(0.0, 1.03, beside if len(beside) < 46 else beside[:44] + "…", transform=axes.transAxes, fontsize=5.8, color="#777777")
-    axes.tick_params(labelsize=6.5, length=2)
+    axes.tick_params(axis="y", labelsize=6.5, length=2)
+    axes.tick_params(axis="x", labelsize=5 if len(entry["values"]) > 7 else 6.5, length=2)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
 
