@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Every preset of a family on one sheet, to be judged by eye: clouds in four lights, the others on their own stage.
 
-    python scripts/gallery.py [--family cloud,glass,fog,godray,air] [--engine cycles|eevee|reference] [--size 260] [--seconds 20]
+    python scripts/gallery.py [--family cloud,glass,fog,godray,air] [--engine cycles|eevee|reference] [--size 240] [--seconds S]
                               [--out docs] [PRESET ...]
 
-Writes clouds.png, glass.png, fog.png, shafts.png and air.png. A picture gets as many samples as its seconds of one core allow, and
-Cycles' denoiser where this Blender has one. ``reference`` is the path tracer, on the very voxels that the engines render; for clouds
-it is the quickest where numba is installed.
+Writes clouds.png, glass.png, fog.png, shafts.png and air.png. A picture gets as many samples as its seconds of one core allow,
+and Cycles' denoiser where this Blender has one. ``reference`` is the path tracer, on the very voxels that the engines render;
+for clouds it is the quickest where numba is installed.
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ LIGHTS = {
     "sunset": {"sun_azimuth": 60.0, "sun_elevation": 5.0, "sun_irradiance": 6.0, "sun_color": (1.0, 0.5, 0.22),
                "environment_color": (0.55, 0.6, 1.0), "environment_radiance": 0.25},
 }
+SECONDS = (6.0, 240.0)  # of others and of clouds
 FEW, MOST = 2, 4096  # samples of the first try, whose time decides, and of a picture
 
 
@@ -91,15 +92,15 @@ def main() -> None:
     parser.add_argument("--family", type=lambda text: text.split(","), default=list(FAMILIES))
     parser.add_argument("--out", type=Path, default=Path("docs"))
     parser.add_argument("--engine", choices=tuple(ENGINE_NAMES), help="path tracing for clouds, Cycles for the others")
-    parser.add_argument("--size", type=int, default=260)
-    parser.add_argument("--seconds", type=float, default=20.0, help="of one core, for a picture; a cloud's four lights share them")
+    parser.add_argument("--size", type=int, default=240)
+    parser.add_argument("--seconds", type=float, help="of one core, for a preset (a cloud's four pictures 240, others 6)")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for family in arguments.family:
         presets = [preset for preset in map(load, arguments.presets or names()) if preset.family == family]
         engine = arguments.engine or ("reference" if family == "cloud" else CYCLES)
         path, done = arguments.out / f"{SHEETS[family]}.png", []
-        for cell in cells(family, presets, engine, arguments.size, arguments.seconds):
+        for cell in cells(family, presets, engine, arguments.size, arguments.seconds or SECONDS[family == "cloud"]):
             done.append(cell)
             write_png(path, contact_sheet(done, text_mask, f"{FAMILIES[family].label}, {ENGINE_NAMES[engine]}"))
         if done:

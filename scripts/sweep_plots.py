@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sweep_parameters import BASES, TOLERANCE
+from sweep_parameters import BASES, EEVEE_SAMPLES, TOLERANCE
 from volumetrics_addon.bench.chart import FAINT, PAPER, styled
 from volumetrics_addon.parameters.families import FAMILIES
 from volumetrics_addon.parameters.model import Parameter
@@ -17,6 +17,7 @@ from volumetrics_addon.plan.model import ENGINES
 
 NAMES = {"cycles": "Cycles", "eevee": "EEVEE"}
 COLORS = {"5.2": "#e8833a", "4.5": "#2e86c1"}
+OTHER = "#444444"
 COLUMNS = 5
 LEAST = {"cycles": 0.01, "eevee": 0.05}  # of the error that an axis shows at least
 
@@ -30,8 +31,7 @@ def write(folder: Path) -> None:
             continue
         data = json.loads(path.read_text(encoding="utf-8"))
         known = {p.name: p for p in FAMILIES[family].parameters}
-        swept = [(known[name], entry) for name, entry in sorted(data["parameters"].items(), key=lambda item: list(known).index(item[0]))
-                 if name in known]
+        swept = [(parameter, data["parameters"][name]) for name, parameter in known.items() if name in data["parameters"]]
         runs = sorted({key for _, entry in swept for key in entry if key.split(" ")[0] in ENGINES}, key=_order)
         base = f"Around *{data['preset']}*" + (f" with {_words(data['base'])}" if data["base"] else "")
         text.append(f"## {FAMILIES[family].label}\n\n{base}, {data['pixels']} pixels wide.\n")
@@ -39,21 +39,24 @@ def write(folder: Path) -> None:
             mine = [run for run in runs if run.startswith(engine)]
             if mine:
                 sheet(swept, engine, mine, f"{FAMILIES[family].label} in {NAMES[engine]}", folder / f"{family}-{engine}.png")
-                text.append(f"![Errors of {NAMES[engine]} over the parameters of {family}]({folder.name}/{family}-{engine}.png)\n")
+                picture = f"{folder.name}/{family}-{engine}.png"
+                text.append(f"![Errors of {NAMES[engine]} over the parameters of {family}]({picture})\n")
         heads = [f"{NAMES[run.split(' ')[0]]} {run.split(' ')[1]}" for run in runs]
         text += [f"| parameter | swept | {' | '.join(heads)} |", "|---" * (2 + len(heads)) + "|"]
-        text += [f"| `{p.name}` | {_range(entry['values'])} | {' | '.join(_worst(entry, run) for run in runs)} |" for p, entry in swept]
+        text += [f"| `{p.name}` | {_range(entry['values'])} | {' | '.join(_worst(entry, run) for run in runs)} |"
+                 for p, entry in swept]
         text.append("")
     (folder.parent / f"{folder.name}.md").write_text("\n".join(text), encoding="utf-8")
 
 
 _INTRODUCTION = f"""# The error over every parameter
 
-Made by `python scripts/sweep_parameters.py` (measures) and `python scripts/sweep_parameters.py --plot` (draws and writes this page).
-One parameter at a time is moved around a base preset, in small pictures; what has to be set beside it for it to have an effect is
-written in its panel. Points are the mean error relative to the reference, bars its 95 % interval; the band is {TOLERANCE:.1%}. Beside
-each parameter stands its worst value; about one interval in twenty misses the true error. Pictures are small and samples few: a wide
-interval says that the sweep was short there, not that the engine is off.
+Measured by `python scripts/sweep_parameters.py`, drawn and written by `python scripts/sweep_parameters.py --plot`. One parameter at
+a time is moved around a base preset, in small pictures; what has to be set beside it for it to have an effect is written in its
+panel. Points are the mean error relative to the reference, bars its 95 % interval; the band is {TOLERANCE:.1%}. Beside each
+parameter stands its worst value; about one interval in twenty misses the true error. Pictures are small and samples few: a wide
+interval says that the sweep was short there, not that the engine is off. Octaves stand for many orders of scattering, of which the
+base follows six; they have errors by construction. EEVEE's own noise, of {EEVEE_SAMPLES} samples, counts as error.
 """
 
 
@@ -73,12 +76,15 @@ def _value(value: Any) -> str:
 
 
 def _range(values: Sequence) -> str:
-    return ", ".join(map(_value, values)) if len(values) < 7 else f"{_value(values[0])} … {_value(values[-1])}, {len(values)} values"
+    if len(values) < 7:
+        return ", ".join(map(_value, values))
+    return f"{_value(values[0])} … {_value(values[-1])}, {len(values)} values"
 
 
 def _measured(entry: Mapping[str, Any], run: str) -> list[tuple[int, list]]:
     """Index and (error, low, high) of the values with an error."""
-    return [(index, result) for index, result in enumerate(entry.get(run, [])) if isinstance(result, list) and result[0] is not None]
+    return [(index, result) for index, result in enumerate(entry.get(run, []))
+            if isinstance(result, list) and result[0] is not None]
 
 
 def _worst(entry: Mapping[str, Any], run: str) -> str:
@@ -99,11 +105,11 @@ def sheet(swept: Sequence[tuple[Parameter, Mapping[str, Any]]], engine: str, run
         figure.text(0.012, 1.0 - 0.32 / high, title, fontsize=14, fontweight="bold")
         for number, run in enumerate(runs):
             version = run.split(" ")[1]
-            figure.text(0.985 - 0.09 * number, 1.0 - 0.32 / high, f"Blender {version}", color=COLORS.get(version, "#444444"), ha="right")
+            figure.text(0.985 - 0.09 * number, 1.0 - 0.32 / high, f"Blender {version}", color=COLORS.get(version, OTHER), ha="right")
         for number, (parameter, entry) in enumerate(shown):
             line, column = divmod(number, COLUMNS)
-            axes = figure.add_axes(((column + 0.2) / COLUMNS, (high - 0.5 - 1.9 * (line + 1) + 0.42) / high, 0.74 / COLUMNS, 1.12 / high),
-                                   facecolor=PAPER)
+            bottom = high - 0.5 - 1.9 * (line + 1) + 0.42
+            axes = figure.add_axes(((column + 0.2) / COLUMNS, bottom / high, 0.74 / COLUMNS, 1.12 / high), facecolor=PAPER)
             _panel(axes, parameter, entry, engine, runs)
 
 
@@ -120,13 +126,13 @@ def _panel(axes: Any, parameter: Parameter, entry: Mapping[str, Any], engine: st
         measured = _measured(entry, run)
         if not measured:
             continue
-        color = COLORS.get(run.split(" ")[1], "#444444")
+        color = COLORS.get(run.split(" ")[1], OTHER)
         beside = 0.02 * shift * (math.log(max(places) / min(places)) if logarithmic else max(places) - min(places))
         x = [places[index] * math.exp(beside) if logarithmic else places[index] + beside for index, _ in measured]
         y = [error for _, (error, _, _) in measured]
         bars = [[e - low for _, (e, low, _) in measured], [top - e for _, (e, _, top) in measured]]
-        axes.errorbar(x, y, bars, color=color, marker="o", markersize=3.2 - 0.6 * shift, linewidth=1.1, elinewidth=0.8, zorder=3 + shift,
-                      linestyle="none" if parameter.kind in ("choice", "bool") else "-")
+        axes.errorbar(x, y, bars, color=color, marker="o", markersize=3.2 - 0.6 * shift, linewidth=1.1, elinewidth=0.8,
+                      zorder=3 + shift, linestyle="none" if parameter.kind in ("choice", "bool") else "-")
         reach = max(reach, *(1.1 * max(abs(low), abs(top)) for _, (_, low, top) in measured))
         refused = [places[index] for index, result in enumerate(entry[run]) if isinstance(result, str)]
         axes.plot(refused, [0.0] * len(refused), "x", color="#b03a2e", markersize=5, zorder=5)
@@ -139,11 +145,12 @@ def _panel(axes: Any, parameter: Parameter, entry: Mapping[str, Any], engine: st
         axes.set_xlim(-0.5, len(words) - 0.5)
     elif not logarithmic:
         axes.locator_params(axis="x", nbins=5)
-    axes.set_title(f"{parameter.name} ({parameter.unit})" if parameter.unit else parameter.name, loc="left", fontsize=8.5, fontweight="bold",
-                   pad=11)
+    title = f"{parameter.name} ({parameter.unit})" if parameter.unit else parameter.name
+    axes.set_title(title, loc="left", fontsize=8.5, fontweight="bold", pad=11)
     if entry["beside"]:
         beside = _words(entry["beside"])
-        axes.text(0.0, 1.03, beside if len(beside) < 46 else beside[:44] + "…", transform=axes.transAxes, fontsize=5.8, color="#777777")
+        axes.text(0.0, 1.03, beside if len(beside) < 46 else beside[:44] + "…", transform=axes.transAxes, fontsize=5.8,
+                  color="#777777")
     axes.tick_params(axis="y", labelsize=6.5, length=2)
     axes.tick_params(axis="x", labelsize=5 if len(entry["values"]) > 7 else 6.5, length=2)
     for side in ("top", "right"):

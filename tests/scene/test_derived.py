@@ -113,7 +113,8 @@ def test_air():
     (Quantity("", 25.0, "m"), "25 m"), (Quantity("", 78240.0, "m"), "78.2 km"), (Quantity("", 0.0125, "m"), "12.5 mm"),
     (Quantity("", (0.02, 0.005, 0.1), "m"), "20, 5, 100 mm"), (Quantity("", math.inf, "m"), "unlimited"),
     (Quantity("", (math.inf, 2000.0, 5000.0), "m"), "unlimited, 2, 5 km"), (Quantity("", (0.25,) * 3), "0.25"),
-    (Quantity("", 0.0331e-3, "1/m"), "0.0331 1/km"), (Quantity("", 0.0, "1/m"), "0 1/m"), (Quantity("", 1.0 / (1.0 - 0.999)), "1000"),
+    (Quantity("", 0.0331e-3, "1/m"), "0.0331 1/km"), (Quantity("", 0.0, "1/m"), "0 1/m"),
+    (Quantity("", 1.0 / (1.0 - 0.999)), "1000"),
     (Quantity("", 6.1e-6), "6.1e-06"), (Quantity("", 14.8163644, "W/m2"), "14.8 W/m2"), (Quantity("", 0.0, "m"), "0 m"),
 ])
 def test_text(quantity, words):

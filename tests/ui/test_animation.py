@@ -13,7 +13,8 @@ from volumetrics_addon.parameters.families import FAMILIES
 from volumetrics_addon.parameters.preset import load
 from volumetrics_addon.ui import panels
 
-PRESETS = {"cloud": "ember-smoke", "glass": "emerald-sphere", "fog": "morning-valley", "godray": "theatre-slats", "air": "clear-noon"}
+PRESETS = {"cloud": "ember-smoke", "glass": "emerald-sphere", "fog": "morning-valley", "godray": "theatre-slats",
+           "air": "clear-noon"}
 LIVE = [(family, parameter) for family, group in FAMILIES.items() for parameter in group.live]
 FRAMES = (1, 11)
 
@@ -159,7 +160,8 @@ def test_keyframes_and_drivers_reach_the_engines(family, values, parameters):
     scene["strength"] = 0.0
     for parameter in parameters:
         socket = socket_of(item, parameter)
-        assert linked_through(node, list(node.inputs).index(socket)) & {o.name for o in node.outputs if o.is_linked}, parameter.name
+        used = {output.name for output in node.outputs if output.is_linked}
+        assert linked_through(node, list(node.inputs).index(socket)) & used, parameter.name
         low, high = ends(parameter, values[parameter.name])
         kept = socket.default_value if parameter.kind in ("int", "float") else tuple(socket.default_value)
         for frame, value in zip(FRAMES, (low, high)):

@@ -79,7 +79,7 @@ def values_of(item: bpy.types.Collection) -> dict[str, Any]:
 
 
 def effective(item: bpy.types.Collection) -> list[str]:
-    """Names of the live parameters that have an effect: not those of another phase function, nor of a shape that is baked or built."""
+    """Names of the live parameters that have an effect: not of another phase function, nor of a shape that is baked or built."""
     mine = record(item)
     family = FAMILIES[mine["family"]]
     values = family.defaults() | mine.get("values", {})
