@@ -129,7 +129,7 @@ def test_the_fog_follows_the_sun(scene):
     sun.data.keyframe_insert("energy", frame=5)
     scene.frame_set(5)
     values = inputs_of(scene, item)
-    assert values["Sun 1 irradiance"] == pytest.approx([8.0, 4.0, 2.0])
+    assert values["Sun 1 irradiance"] == pytest.approx([8000.0, 4000.0, 2000.0])  # mW/m2
     assert values["Sun 1 direction"] == pytest.approx(-np.array(sun.matrix_world.col[2])[:3], abs=1e-6)
     assert values["Sky radiance"] == pytest.approx([0.1, 0.2, 0.3])
     for driver in items.live_node(item).id_data.animation_data.drivers:

@@ -12,6 +12,7 @@ import bpy
 
 from ..plan import rules
 from ..plan.model import CYCLES, Plan
+from ..reference import depth_air
 from ..reference.light_grid import LightGrid
 from ..scene import units
 from ..scene.body import Body
@@ -59,6 +60,9 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
     if plan.unit != 1.0:
         scene, bodies = units.scaled(scene, 1.0 / plan.unit), [units.scaled_body(body, 1.0 / plan.unit) for body in bodies]
         baked = {index: grid.scaled(1.0 / plan.unit) for index, grid in baked.items()}
+    air = plan.compositor_fog and any(body.family.name == "air" for body in bodies)
+    if air:
+        scene = depth_air.below_air(scene)
     result = bpy.data.scenes.new("Volumetrics")
     collection = result.collection
     shown = () if plan.compositor_fog else bodies
@@ -73,10 +77,10 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
     if plan.light_enclosure:
         add_enclosure(scene.lights, bodies, "Light enclosure", collection)
     result.world = objects.world(scene.environment, "Volumetrics world")
-    result.camera = objects.camera(scene.camera, clip_range(scene, [body for body in bodies if body.domain], plan.engine), "Volumetrics camera", collection)
+    result.camera = objects.camera(scene.camera, clip_range(scene, [body for body in bodies if body.domain and not air], plan.engine), "Volumetrics camera", collection)
     render = result.render
     render.engine = "CYCLES" if plan.engine == CYCLES else compat.current().eevee
-    render.film_transparent = False
+    render.film_transparent = air  # the environment that lights its ground is no sky
     render.use_compositing = render.use_sequencer = render.use_motion_blur = render.use_border = False
     render.dither_intensity = 0.0
     render.use_stamp = False
@@ -84,7 +88,7 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
     if plan.compositor_fog:
         suns = [candidate for candidate in collection.objects if candidate.type == "LIGHT"]
         for body in bodies:
-            compositing.add(result, body.values, body.domain, suns, scene.environment, label)
+            compositing.add(result, body, suns, scene.environment, label, scene.orders)
     return result
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fog in a scene's compositor: put between the Render Layers node and what it feeds, and taken out again.
+"""Fog and air in a scene's compositor: put between the Render Layers node and what it feeds, and taken out again.
 
 What the fog knows of the camera and the suns follows them by drivers, which need no permission to run Python: they are what
 Blender calls simple expressions.
@@ -13,9 +13,10 @@ from typing import Any
 
 import bpy
 
-from ..parameters.families import FAMILIES
-from ..scene.model import Box, Color
-from . import compat, depth_fog
+from ..scene.body import Body
+from ..scene.model import Color
+from . import compat, depth_air, depth_fog
+from .composited import MILLI
 from .nodes import arrange, socket_of, socket_value
 
 STATE = "volumetrics_compositing"  # on the fog's node: what was there before
@@ -41,14 +42,18 @@ def check(scene: bpy.types.Scene) -> None:
                          "the volume")
 
 
-def add(scene: bpy.types.Scene, values: Mapping[str, Any], box: Box | None, suns: Sequence[bpy.types.Object], sky: Color,
-        name: str) -> bpy.types.Node:
-    """Fog of these values in the scene's compositor; ``box`` holds a height fog. Returns the node with its live parameters.
+def add(scene: bpy.types.Scene, body: Body, suns: Sequence[bpy.types.Object], sky: Color, name: str, orders: int = 1,
+        keep_background: bool = False) -> bpy.types.Node:
+    """The body's fog or air in the scene's compositor. Returns the node with its live parameters.
 
-    Raises ValueError as ``check`` does, and where the scene's compositor shows no Render Layers of the scene.
+    A sky of one radiance lights fog; air makes its own sky, unless the background is kept. Raises ValueError as ``check`` does,
+    where the scene's compositor shows no Render Layers of the scene, and where air has not one sun.
     """
     check(scene)
-    family = FAMILIES["fog"]
+    if body.family.name == "air" and len(suns) != 1:
+        raise ValueError(f"the compositor's air has one sun, and the scene has {len(suns)}; add a sun, hide the others, "
+                         "or choose the volume")
+    family, values = body.family, body.values
     had = compat.compositing_state(scene)
     tree = compat.compositing_tree(scene)
     layers = next((node for node in tree.nodes if node.bl_idname == "CompositorNodeRLayers" and node.scene in (scene, None)
@@ -59,7 +64,10 @@ def add(scene: bpy.types.Scene, values: Mapping[str, Any], box: Box | None, suns
     view_layer = scene.view_layers[layers.layer] if layers.layer in scene.view_layers else scene.view_layers[0]
     depth_before, view_layer.use_pass_z = view_layer.use_pass_z, True
     node = tree.nodes.new("CompositorNodeGroup")
-    node.node_tree = depth_fog.group(values, box, len(suns), max(sky) > 0.0, name)
+    if family.name == "air":
+        node.node_tree = depth_air.group(body, orders, keep_background, name)
+    else:
+        node.node_tree = depth_fog.group(values, body.domain, len(suns), max(sky) > 0.0, name)
     node.name = node.label = name
     node.width = 240
     node.location = layers.location
@@ -155,6 +163,6 @@ def _follow_camera(scene: bpy.types.Scene, inputs: Mapping[str, bpy.types.NodeSo
 def _follow_sun(sun: bpy.types.Object, direction: bpy.types.NodeSocket, irradiance: bpy.types.NodeSocket) -> None:
     for index in range(3):
         _drive(direction, index, f"-({_AXES['z'][index]})", _turn(sun))
-        _drive(irradiance, index, "energy * color * pow(2, exposure)", {
+        _drive(irradiance, index, f"energy * color * pow(2, exposure) / {MILLI}", {
             "energy": ("LIGHT", sun.data, "energy"), "exposure": ("LIGHT", sun.data, "exposure"),
             "color": ("LIGHT", sun.data, f"color[{index}]")})

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compositor nodes of fog in closed form, from the depth of each pixel: the formulas of reference.depth_fog as a node group.
 
-The group's first inputs are the fog's live parameters, then what it knows of camera and lights (FRAME). The same nodes serve
-4.5 and 5.x: those of the shaders work in compositor trees of both. All is float32; where a difference would lose its digits a
-series or the larger end takes its place.
+All is float32; where a difference would lose its digits a series or the larger end takes its place.
 """
 
 from __future__ import annotations
@@ -16,28 +14,12 @@ import bpy
 
 from ..parameters.families import FAMILIES
 from ..parameters.fog import CONTRAST_DEPTH, DEPTH_FOGS, FAR
-from ..parameters.model import Group
 from ..physics.plane_parallel import ELEVATIONS, MOMENTS
 from ..physics.quadrature import gauss_legendre
 from ..scene.model import Box
-from .nodes import Tree, add_input, arrange, socket_of
+from .composited import Socket, choose, henyey_greenstein, sun_of, total, tree_of, vector_sum, view_of, with_alpha
+from .nodes import Tree
 
-Socket = Any
-
-# Inputs of the group beside the live parameters: name, kind, description.
-FRAME = (
-    ("Image", "NodeSocketColor", "Picture without the fog."),
-    ("Depth", "NodeSocketFloat", "Distance along the camera's axis."),
-    ("Camera location", "NodeSocketVector", "Position of the camera."),
-    ("Camera right", "NodeSocketVector", "Axis of the camera to the right."),
-    ("Camera up", "NodeSocketVector", "Axis of the camera upwards."),
-    ("Camera back", "NodeSocketVector", "Axis of the camera away from what it sees."),
-    ("Picture", "NodeSocketVector", "Half its width and half its height one metre before the camera, and the side of a lens shift of 1."),
-    ("Lens shift", "NodeSocketVector", "Shift of the picture to the right and upwards."),
-    ("Farthest depth", "NodeSocketFloat", "From this depth on there is nothing but the background."),
-    ("Sky radiance", "NodeSocketVector", "Radiance of the uniform environment."),
-)
-SUN = (("direction", "Direction in which the sun's light travels."), ("irradiance", "Irradiance facing the sun."))
 GENTLE = 1e-3  # below, (1 - exp(-x)) / x is 1 - x / 2 within 2e-7
 LOWEST_SUN = 1e-3  # sine of the elevation down to which a sun shines into the fog
 
@@ -45,27 +27,9 @@ LOWEST_SUN = 1e-3  # sine of the elevation down to which a sun shines into the f
 def group(values: Mapping[str, Any], box: Box | None, suns: int, sky: bool, name: str) -> bpy.types.NodeTree:
     """The node group for these build-time values, so many suns and a uniform sky or none; ``box`` holds a height fog.
 
-    A depth fog, by profile, has no box. Live values and FRAME are set on the node that uses it.
+    A depth fog, by profile, has no box. Live values and the frame are set on the node that uses it.
     """
-    family: Group = FAMILIES["fog"]
-    tree = bpy.data.node_groups.new(name, "CompositorNodeTree")
-    for parameter in family.live:
-        add_input(tree, parameter)
-    for label, kind, description in frame(suns):
-        tree.interface.new_socket(label, description=description, in_out="INPUT", socket_type=kind)
-    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    build = Tree(tree)
-    entry = build.node("NodeGroupInput")
-    inputs = {parameter.name: socket for parameter, socket in zip(family.live, entry.outputs)}
-    inputs |= {socket.name: socket for socket in entry.outputs[len(family.live):]}
-    build.feed(build.node("NodeGroupOutput").inputs[0], _picture(build, inputs, values, box, suns, sky))
-    arrange(tree)
-    return tree
-
-
-def frame(suns: int) -> list[tuple[str, str, str]]:
-    """FRAME and the inputs of each sun: label, socket type, description."""
-    return [*FRAME, *((f"Sun {index + 1} {part}", "NodeSocketVector", text) for index in range(suns) for part, text in SUN)]
+    return tree_of(FAMILIES["fog"], suns, name, lambda build, inputs: _picture(build, inputs, values, box, suns, sky))
 
 
 class _Fog:
@@ -135,18 +99,6 @@ class _Fog:
         return near, build.math("MINIMUM", build.math("MINIMUM", fars[0], fars[1]), fars[2])
 
 
-def total(build: Tree, parts: Sequence[Socket]) -> Socket:
-    result = parts[0]
-    for part in parts[1:]:
-        result = build.math("ADD", result, part)
-    return result
-
-
-def choose(build: Tree, condition: Socket, yes: Socket, no: Socket) -> Socket:
-    """``yes`` where the condition is 1, ``no`` where it is 0; both finite. A difference of both would lose the smaller."""
-    return build.math("MULTIPLY_ADD", condition, yes, build.math("MULTIPLY", build.math("SUBTRACT", 1.0, condition), no))
-
-
 def mean_decay(build: Tree, x: Socket) -> Socket:
     """(1 - exp(-x)) / x for x >= 0."""
     divided = build.math("DIVIDE", build.math("SUBTRACT", 1.0, build.math("EXPONENT", build.math("MULTIPLY", x, -1.0))), x)
@@ -166,15 +118,6 @@ def scattered(build: Tree, tau: Socket, depth: Socket, mu: Socket, mu0: Socket) 
     exponent = build.math("SUBTRACT", build.math("MAXIMUM", build.math("MULTIPLY", x, -1.0), 0.0), build.math("DIVIDE", tau, mu0))
     mean = mean_decay(build, build.math("ABSOLUTE", x))
     return build.math("MULTIPLY", build.math("MULTIPLY", depth, mean), build.math("EXPONENT", exponent))
-
-
-def henyey_greenstein(build: Tree, g: Socket, cosine: Socket) -> Socket:
-    """(1 - g^2) / (4 pi ((1 - g)^2 + 2 g (1 - cos))^(3/2))."""
-    away = build.math("SUBTRACT", 1.0, g)
-    base = build.math("ADD", build.math("MULTIPLY", away, away),
-                      build.math("MULTIPLY", build.math("MULTIPLY", g, 2.0), build.math("SUBTRACT", 1.0, cosine)))
-    above = build.math("MULTIPLY", build.math("MULTIPLY", away, build.math("ADD", g, 1.0)), 1.0 / (4.0 * math.pi))
-    return build.math("DIVIDE", above, build.math("POWER", build.math("MAXIMUM", base, 1e-12), 1.5))
 
 
 def sky_light(build: Tree, tau: Socket, depth: Socket, mu: Socket, g: Socket) -> Socket:
@@ -216,24 +159,12 @@ def _sky_transmittance(build: Tree, tau: Socket) -> Socket:
 
 
 def _picture(build: Tree, inputs: Mapping[str, Socket], values: Mapping[str, Any], box: Box | None, suns: int, sky: bool) -> Socket:
-    image = inputs["Image"]
-    coordinates = socket_of(build.node("CompositorNodeImageCoordinates", {0: image}).outputs, "Normalized")
-    half_width, half_height, side = build.components(inputs["Picture"])
-    u, v, _ = (build.math("MULTIPLY_ADD", c, 2.0, -1.0) for c in build.components(coordinates))
-    right, up = (build.math("MULTIPLY_ADD", c, half, build.math("MULTIPLY", shift, side)) for c, half, shift in
-                 zip((u, v), (half_width, half_height), build.components(inputs["Lens shift"])))
-    across = build.vector("ADD", build.scale(inputs["Camera right"], right), build.scale(inputs["Camera up"], up))
-    ray = build.vector("SUBTRACT", across, inputs["Camera back"])
-    direction = build.vector("NORMALIZE", ray)
-    mu = build.components(direction)[2]
-    origin = inputs["Camera location"]
-    hit = build.math("LESS_THAN", inputs["Depth"], inputs["Farthest depth"])
-    distance = build.math("MULTIPLY", build.math("MINIMUM", inputs["Depth"], 1e9), build.scalar("LENGTH", ray))
-    distance = choose(build, hit, distance, 1e9)
+    image, view = inputs["Image"], view_of(build, inputs)
+    origin, direction, mu, hit, distance = view.origin, view.direction, view.mu, view.hit, view.distance
 
     lights = []  # of each sun: whether it is up, sine of its elevation, phase function and irradiance
     for index in range(suns):
-        travel, irradiance = (inputs[f"Sun {index + 1} {part}"] for part, _ in SUN)
+        travel, irradiance = sun_of(build, inputs, index)
         mu0 = build.math("MULTIPLY", build.components(travel)[2], -1.0)
         up = build.math("GREATER_THAN", mu0, LOWEST_SUN)
         mu0 = build.math("MAXIMUM", mu0, LOWEST_SUN)
@@ -246,7 +177,7 @@ def _picture(build: Tree, inputs: Mapping[str, Socket], values: Mapping[str, Any
         light = [build.scale(build.vector("MULTIPLY", irradiance, inputs["sun_tint"]), phase) for _, _, phase, irradiance in lights]
         far = build.scale(inputs["far_color"], inputs["far_radiance"])
         if light:
-            far = build.vector("ADD", far, build.vector("MULTIPLY", inputs["albedo"], _sum(build, light)))
+            far = build.vector("ADD", far, build.vector("MULTIPLY", inputs["albedo"], vector_sum(build, light)))
         airlight, lit = build.scale(far, opacity), None
     else:
         fog = _Fog(build, inputs, values, box)
@@ -262,7 +193,7 @@ def _picture(build: Tree, inputs: Mapping[str, Socket], values: Mapping[str, Any
                              build.math("MULTIPLY", phase, scattered(build, tau, depth, mu, mu0))) for _, mu0, phase, irradiance in lights]
         if sky:
             light.append(build.scale(inputs["Sky radiance"], sky_light(build, tau, depth, mu, inputs["g"])))
-        airlight = build.vector("MULTIPLY", inputs["albedo"], _sum(build, light)) if light else (0.0, 0.0, 0.0)
+        airlight = build.vector("MULTIPLY", inputs["albedo"], vector_sum(build, light)) if light else (0.0, 0.0, 0.0)
         end = build.math("MULTIPLY_ADD", distance, mu, z)
         lit = _lit_share(build, fog.above(end), lights, inputs["Sky radiance"] if sky else None, hit)
 
@@ -275,17 +206,7 @@ def _picture(build: Tree, inputs: Mapping[str, Socket], values: Mapping[str, Any
     if lit is not None:
         white = build.scale((1.0, 1.0, 1.0), build.math("SUBTRACT", 1.0, foggy))
         seen = build.vector("MULTIPLY", image, build.vector("ADD", build.scale(lit, foggy), white))
-    color = build.vector("ADD", build.scale(seen, passed), build.scale(airlight, share))
-    alpha = build.node("CompositorNodeSeparateColor", {0: image}).outputs[3]
-    alpha = build.math("SUBTRACT", 1.0, build.math("MULTIPLY", build.math("SUBTRACT", 1.0, alpha), passed))
-    return build.node("CompositorNodeCombineColor", {**dict(enumerate(build.components(color))), 3: alpha}).outputs[0]
-
-
-def _sum(build: Tree, vectors: Sequence[Socket]) -> Socket:
-    result = vectors[0]
-    for vector in vectors[1:]:
-        result = build.vector("ADD", result, vector)
-    return result
+    return with_alpha(build, image, build.vector("ADD", build.scale(seen, passed), build.scale(airlight, share)), passed)
 
 
 def _depth_opacity(build: Tree, inputs: Mapping[str, Socket], profile: str, distance: Socket) -> Socket:
@@ -313,7 +234,7 @@ def _lit_share(build: Tree, tau: Socket, lights: Sequence[tuple], sky: Socket | 
         dimmed.append(build.scale(sky, build.math("MULTIPLY", _sky_transmittance(build, tau), math.pi)))
     if not clear:
         return None
-    whole = build.vector("MAXIMUM", _sum(build, clear), (1e-20,) * 3)
-    share = build.vector("DIVIDE", build.vector("MAXIMUM", _sum(build, dimmed), (0.0,) * 3), whole)
+    whole = build.vector("MAXIMUM", vector_sum(build, clear), (1e-20,) * 3)
+    share = build.vector("DIVIDE", build.vector("MAXIMUM", vector_sum(build, dimmed), (0.0,) * 3), whole)
     background = build.scale((1.0, 1.0, 1.0), build.math("SUBTRACT", 1.0, hit))
     return build.vector("ADD", build.scale(share, hit), background)

@@ -24,7 +24,6 @@ from ..reference import light_grid
 from ..scene import assemble
 from ..scene.bake import voxelized
 from ..scene.body import Body
-from ..scene.families import fog
 from ..scene.model import Camera, Scene, Sun, Volume, add
 from . import build, compat, compositing, extract, fields, grid, groups, light, objects, settings
 
@@ -170,7 +169,7 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     for name in ("location", "target"):
         if name in values:
             values[name] = add(values[name], offset)
-    composited = family == "fog" and fog.is_composited(values)
+    composited = assemble.is_composited(values)
     if composited:
         compositing.check(scene)
     bounds = scene_bounds(scene) if family == "fog" else None
@@ -222,11 +221,12 @@ def _tag(before: Mapping[str, set]) -> str:
 
 def _add_to_compositor(scene: bpy.types.Scene, body: Body, collection: bpy.types.Collection, label: str, orders: int,
                        before: Mapping[str, set]) -> bpy.types.Collection:
-    """Fog as a pass of the scene's compositor, lit by the suns that the scene renders and by its world where that has one colour."""
+    """Fog or air as a pass of the scene's compositor, lit by the suns that the scene renders and by its world of one colour."""
     suns = [candidate for candidate in scene.objects
             if candidate.type == "LIGHT" and candidate.data.type == "SUN" and not candidate.hide_render]
+    sky, unread = extract.environment(scene)
     try:
-        compositing.add(scene, body.values, body.domain, suns, extract.environment(scene)[0], label)
+        compositing.add(scene, body, suns, sky, label, orders, keep_background=bool(unread) or max(sky) > 0.0)
     except ValueError:
         bpy.data.collections.remove(collection)
         raise

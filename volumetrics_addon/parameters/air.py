@@ -6,7 +6,7 @@ Precomputed atmospheric scattering, EGSR 2008.
 """
 
 from .model import Group, Parameter
-from .shared import G, having
+from .shared import REALISATION, G, having
 
 AIR = Group(
     "air", "Air", "A planet's air over its round ground: molecules (Rayleigh) and aerosol (Mie), thinner with altitude.",
@@ -28,6 +28,7 @@ AIR = Group(
                "of aerosol and molecules."),
         Parameter("mie_scale_height", "float", 1200.0, "Altitude over which the aerosol's density falls to 1/e.",
                   unit="m", minimum=1.0, maximum=1e6, soft_minimum=100.0, soft_maximum=1e5, live=True),
+        REALISATION,
         Parameter("planet_radius", "float", 6.36e6, "Radius of the planet's ground.",
                   unit="m", minimum=1e4, maximum=1e9, soft_minimum=1e6, soft_maximum=1e8),
         Parameter("base_height", "float", 0.0, "Height of the ground at the origin; it falls away from there to all sides.",

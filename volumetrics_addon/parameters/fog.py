@@ -5,7 +5,7 @@ local patch; or a fog by distance."""
 import math
 
 from .model import Group, Parameter
-from .shared import ALBEDO, EXTINCTION, G, LOCATION, SIZE, having
+from .shared import ALBEDO, EXTINCTION, G, LOCATION, REALISATION, SIZE, having
 
 EXPONENTIAL = ("profile", "exponential")  # what has an effect beside what
 LAYERS = ("profile", "exponential", "slab")
@@ -29,9 +29,7 @@ FOG = Group(
                   "patch; or a depth fog, which knows the distance alone.",
                   choices=(("exponential", "Exponential"), ("slab", "Slab"), ("patch", "Patch"), ("linear", "Depth, linear"),
                            ("exp", "Depth, exponential"), ("exp2", "Depth, squared exponential"))),
-        Parameter("realisation", "choice", "automatic", "A volume, or a pass of the compositor in closed form: no noise, no shafts. "
-                  "Automatic: the compositor where it loses little, in your own scene a volume.",
-                  choices=(("automatic", "Automatic"), ("volume", "Volume"), ("compositor", "Compositor"))),
+        REALISATION,
         Parameter("slab_height", "float", 10.0, "Height of the slab above the base.",
                   unit="m", minimum=1e-2, maximum=1e5, soft_maximum=1e3, when=("profile", "slab")),
         having(LOCATION, (0.0, 0.0, 1.5), description="Centre of the patch in world space.", when=PATCH),

@@ -31,6 +31,11 @@ G = Parameter(
     "Both engines clamp it to 0.999.",
     minimum=-0.999, maximum=0.999, live=True, title="Anisotropy g",
 )
+REALISATION = Parameter(
+    "realisation", "choice", "automatic", "A volume, or a pass of the compositor from the depth of each pixel: no noise, no shafts. "
+    "Automatic: the compositor where it loses less.",
+    choices=(("automatic", "Automatic"), ("volume", "Volume"), ("compositor", "Compositor")),
+)
 
 
 def having(parameter: Parameter, default: Any, **changes: Any) -> Parameter:

@@ -56,16 +56,16 @@ def single_scattering(tau, depth, mu, mu0):
     return depth * mean * np.exp(-tau / mu0 + np.maximum(-x, 0.0))
 
 
-def sky_light(tau, depth, mu, g):
+def sky_light(tau, depth, mu, g, elevations=ELEVATIONS):
     """What a sky of unit radiance over the horizon scatters into a ray, over the albedo (phase function included).
 
-    2 pi integral_0^1 p(mu, mu0) G(mu0) d mu0 by ELEVATIONS Gauss nodes, with p the Henyey-Greenstein phase function of mean
+    2 pi integral_0^1 p(mu, mu0) G(mu0) d mu0 by so many Gauss nodes, with p the Henyey-Greenstein phase function of mean
     cosine g averaged over azimuth: p = sum_l (2 l + 1) (g^l - f) P_l(mu) P_l(mu0) / 4 pi + f delta(mu - mu0) / 2 pi, whose
     forward peak f = g^MOMENTS is taken out of the MOMENTS terms (delta-M: Wiscombe, J. Atmos. Sci. 34, 1977). Arguments as in
     single_scattering.
     """
     tau, depth, mu = np.broadcast_arrays(*(np.asarray(a, float) for a in (tau, depth, mu)))
-    nodes, weights = gauss_legendre(ELEVATIONS, 0.0, 1.0)
+    nodes, weights = gauss_legendre(elevations, 0.0, 1.0)
     peak = g**MOMENTS
     order = np.arange(MOMENTS)
     strength = (2 * order + 1) * (g**order - peak) / 2.0  # 2 pi / 4 pi
@@ -78,8 +78,8 @@ def sky_light(tau, depth, mu, g):
     return value + peak * np.where(above, forward, 0.0)
 
 
-def sky_transmittance(tau):
-    """Share of a uniform sky's irradiance that passes the vertical depth tau unscattered: 2 E3(tau), by ELEVATIONS Gauss nodes."""
+def sky_transmittance(tau, elevations=ELEVATIONS):
+    """Share of a uniform sky's irradiance that passes the vertical depth tau unscattered: 2 E3(tau), by so many Gauss nodes."""
     tau = checks.nonnegative("tau", tau, "", "give an optical depth")
-    nodes, weights = gauss_legendre(ELEVATIONS, 0.0, 1.0)
+    nodes, weights = gauss_legendre(elevations, 0.0, 1.0)
     return sum(2.0 * weight * mu0 * np.exp(-tau / mu0) for mu0, weight in zip(nodes, weights))

@@ -11,6 +11,7 @@ A depth fog has no height: its transmittance T follows from the distance, and it
 from __future__ import annotations
 
 import sys
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ Array = np.ndarray
 
 BIAS = ("No shadows in the fog, and light through its sides or from below is left out: 1 % where fog lies around low things on open "
         "ground.")
-SETTINGS = ({},)
+SETTINGS = tuple({"elevations": count} for count in (1, 2, 3, 4, plane_parallel.ELEVATIONS, 8))
 
 
 class Fog(NamedTuple):
@@ -99,22 +100,26 @@ def applies(scene: Scene) -> str:
 
 
 def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: int = 2, seed: int = 0,
-           progress: Progress | None = None) -> Result:
-    """Image of the scene: repeats and strata as in single_scattering. Raises ValueError when the integrator does not apply."""
+           elevations: int = plane_parallel.ELEVATIONS, progress: Progress | None = None) -> Result:
+    """Image of the scene: repeats and strata as in single_scattering, the sky's light from so many elevations.
+
+    Raises ValueError when the integrator does not apply.
+    """
     if reason := applies(scene):
         raise ValueError(f"depth_fog does not apply: {reason}; use single_scattering")
     settings = scene.depth_fog or DepthFog()
     fog = None if settings.falloff else fog_of(scene)
 
     def radiance(origin: Array, direction: Array, rng) -> tuple[Array, Array, int]:
-        value = composited(scene, settings, fog, origin, direction, rng)
+        value = composited(scene, settings, fog, origin, direction, rng, elevations)
         return value, np.zeros_like(value), len(value)
 
     return render_rays("depth_fog", radiance, scene, width, height, repeats=repeats, strata=strata, seed=seed,
                        random=max(scene.environment) > 0.0, progress=progress)
 
 
-def loss(scene: Scene, size: int = 16, strata: int = 2) -> float:
+@lru_cache(maxsize=64)
+def loss(scene: Scene, size: int = 12, strata: int = 1) -> float:
     """Bound on the share of the picture's mean that the closed form misses: by ``size``^2 pixels of both, their noise added.
 
     Infinite where the integrator does not apply.
@@ -127,7 +132,8 @@ def loss(scene: Scene, size: int = 16, strata: int = 2) -> float:
     return float((abs(difference.mean()) + 2.0 * difference.std(ddof=1) / len(difference) ** 0.5) / max(rough[0].image.mean(), 1e-300))
 
 
-def composited(scene: Scene, settings: DepthFog, fog: Fog | None, origin: Array, direction: Array, rng: np.random.Generator) -> Array:
+def composited(scene: Scene, settings: DepthFog, fog: Fog | None, origin: Array, direction: Array, rng: np.random.Generator,
+               elevations: int = plane_parallel.ELEVATIONS) -> Array:
     """Radiance (n, 3) along rays (n, 3): what is seen without fog, dimmed, and the fog's own light."""
     epsilon = 1e-7 * optics.scale_of(scene)
     hit, index = geometry.first_hit(scene.surfaces, origin, direction, epsilon)
@@ -140,9 +146,9 @@ def composited(scene: Scene, settings: DepthFog, fog: Fog | None, origin: Array,
         seen = clear
     else:
         end = origin[:, 2] + np.where(np.isfinite(hit), hit, 0.0) * direction[:, 2]
-        seen = clear * np.where((index >= 0)[:, None], lit_share(scene, fog, end), 1.0)
+        seen = clear * np.where((index >= 0)[:, None], lit_share(scene, fog, end, elevations), 1.0)
         tau, depth = along(fog, origin, direction, settings.start, hit)
-        opacity, light = -np.expm1(-depth), airlight(scene, settings, fog, direction, tau, depth)
+        opacity, light = -np.expm1(-depth), airlight(scene, settings, fog, direction, tau, depth, elevations)
     share = np.minimum(1.0, settings.max_opacity / np.maximum(opacity, 1e-300))[:, None]
     return np.where(foggy, seen * (1.0 - opacity[:, None] * share) + light * share, clear)
 
@@ -183,16 +189,17 @@ def sunlight(scene: Scene, settings: DepthFog, g: float, direction: Array, share
     return value
 
 
-def airlight(scene: Scene, settings: DepthFog, fog: Fog, direction: Array, tau: Array, depth: Array) -> Array:
+def airlight(scene: Scene, settings: DepthFog, fog: Fog, direction: Array, tau: Array, depth: Array,
+             elevations: int = plane_parallel.ELEVATIONS) -> Array:
     """Radiance (n, 3) that the fog scatters into rays of these depths."""
     mu = direction[:, 2]
     value = sunlight(scene, settings, fog.g, direction, lambda mu0: plane_parallel.single_scattering(tau, depth, mu, mu0))
     if max(scene.environment) > 0.0:
-        value += plane_parallel.sky_light(tau, depth, mu, fog.g)[:, None] * np.array(scene.environment)
+        value += plane_parallel.sky_light(tau, depth, mu, fog.g, elevations)[:, None] * np.array(scene.environment)
     return value * np.array(fog.albedo)
 
 
-def lit_share(scene: Scene, fog: Fog, z: Array) -> Array:
+def lit_share(scene: Scene, fog: Fog, z: Array, elevations: int = plane_parallel.ELEVATIONS) -> Array:
     """Share (n, 3) of the light on an open level floor at height z that comes through the fog."""
     tau = fog.depth_above(z)
     clear, dimmed = np.zeros(3), np.zeros((len(z), 3))
@@ -203,5 +210,5 @@ def lit_share(scene: Scene, fog: Fog, z: Array) -> Array:
             dimmed += (mu0 * np.exp(-tau / mu0))[:, None] * np.array(sun.irradiance)
     sky = np.pi * np.array(scene.environment)
     clear = clear + sky
-    dimmed += plane_parallel.sky_transmittance(tau)[:, None] * sky
+    dimmed += plane_parallel.sky_transmittance(tau, elevations)[:, None] * sky
     return np.where(clear > 0.0, dimmed / np.where(clear > 0.0, clear, 1.0), 1.0)

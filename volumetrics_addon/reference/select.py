@@ -22,7 +22,7 @@ REFERENCES = ("single_scattering", "dielectric", "sky_tables", "path_tracing")
 RIVALS = (
     "ray_marching", "quarter_resolution", "light_slices", "half_angle_slices", "froxels", "octaves", "adding_doubling",
     "ambient_scattering", "ambient_occlusion", "emission_absorption", "sky_single_scattering",
-    "aerial_perspective", "preetham_sky", "depth_fog",
+    "aerial_perspective", "preetham_sky", "depth_fog", "depth_air",
 )
 NAMES = REFERENCES + RIVALS
 

@@ -12,7 +12,7 @@ from ..parameters.fog import DEPTH_FOGS
 from .body import Body
 from .families import ASSEMBLERS, air, fog, glass
 from .families.item import Bounds
-from .model import Box, Camera, Ellipsoid, Light, Scene, Sun, Surface, Vector, Volume, normalized, scaled, subtract, turned
+from .model import Box, Camera, DepthFog, Ellipsoid, Light, Scene, Sun, Surface, Vector, Volume, normalized, scaled, subtract, turned
 
 
 def body(family: str, values: Mapping[str, Any], volumes: Iterable[Volume]) -> Body:
@@ -25,6 +25,16 @@ def body(family: str, values: Mapping[str, Any], volumes: Iterable[Volume]) -> B
         raise ValueError(f"a body has one domain, got {len(domains)} in {len(volumes)} volumes; make a body of each")
     domain = air.domain(values) if family == "air" else domains.pop()
     return Body(FAMILIES[family], glass.resolved(values) if family == "glass" else values, volumes, domain)
+
+
+def is_composited(values: Mapping[str, Any]) -> bool:
+    """Whether the medium has to be made in the compositor: as chosen, or as no volume can show it."""
+    return values.get("realisation") == "compositor" or values.get("profile") in DEPTH_FOGS
+
+
+def depth_fog(family: str, values: Mapping[str, Any]) -> DepthFog:
+    """How the compositor makes the family's medium. Raises ValueError where the values contradict one another."""
+    return fog.depth_fog(values) if family == "fog" else DepthFog()
 
 
 def prop(values: Mapping[str, Any]) -> Surface:
@@ -55,7 +65,6 @@ def scene(family: str, parameters: Mapping[str, Any], stage: Mapping[str, Any],
     if stage["sun_irradiance"] > 0.0:
         direction = sun_direction(math.radians(stage["sun_elevation"]), math.radians(stage["sun_azimuth"]))
         lights = (Sun(direction, scaled(stage["sun_color"], stage["sun_irradiance"])), *lights)
-    composited = family == "fog" and fog.is_composited(parameters)
     return Scene(
         camera, lights, scaled(stage["environment_color"], stage["environment_radiance"]), item.volumes,
-        surfaces + item.surfaces, stage["orders"], fog.depth_fog(parameters) if composited else None)
+        surfaces + item.surfaces, stage["orders"], depth_fog(family, parameters) if is_composited(parameters) else None)

@@ -62,11 +62,6 @@ def _patch(values: Mapping[str, Any]) -> Volume:
                   Medium(*scattering({**values, "extinction": extinction(values)}), Phase(values["g"]), density))
 
 
-def is_composited(values: Mapping[str, Any]) -> bool:
-    """Whether the fog has to be made in the compositor: as chosen, or as no volume can show it."""
-    return values["realisation"] == "compositor" or values["profile"] in DEPTH_FOGS
-
-
 def depth_fog(values: Mapping[str, Any]) -> DepthFog:
     """The fog as the compositor makes it. Raises ValueError where a linear fog ends before it starts."""
     cutoff = values["cutoff_distance"] if values["cutoff_distance"] < FAR else math.inf
