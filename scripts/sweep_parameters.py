@@ -33,6 +33,7 @@ from volumetrics_addon.parameters.model import Group, Parameter  # noqa: E402
 from volumetrics_addon.parameters.preset import Preset, load  # noqa: E402
 from volumetrics_addon.plan.model import CYCLES, ENGINES  # noqa: E402
 
+WORDS = ("text", "path")  # have no range
 POINTS = 5
 SPREAD = 16.0  # a number that spans decades goes from a sixteenth of its base to sixteen times that
 TOLERANCE = 0.005
@@ -95,10 +96,12 @@ BASES = {
         "horizontal_fov": (1.0, 15.0, 30.0, 60.0, 110.0), "vertical_fov": (1.0, 15.0, 30.0, 60.0, 110.0),
         "near": (0.0, 0.3, 1.0, 3.0, 6.0), "far": (3.0, 6.0, 9.0, 1e6), "gobo_count": (1, 2, 5, 12),
         "gobo_resolution": (8, 32, 64, 160), "gobo_drift_right": (-1.0, 0.0, 0.3), "gobo_drift_up": (-1.0, 0.0, 0.3),
-        "gobo_time": (0.0, 0.7, 4.0), "spacing": (0.3, 1.4, 4.0),
+        "gobo_time": (0.0, 0.7, 4.0), "spacing": (0.3, 1.4, 4.0), "dust_strength": (0.0, 0.5, 1.0, 2.0), "dust_time": (0.0, 2.0, 60.0),
+        "dust_drift": ((0.0, 0.0, 0.0), (0.3, 0.2, 0.1), (-1.0, 0.0, 0.4)), "ambient": (0.0, 0.1, 1.0, 5.0),
         "blocker_count": (1, 2, 4, 9, 32), "blocker_distance": (0.4, 0.8, 1.6, 3.0, 6.0), "gobo_seed": (0, 1, 77),
         "extinction": (0.0, 0.005, 0.02, 0.07, 0.28)},
         beside={name: BARE for name in UNBLOCKED}
+        | {"dust_drift": {"dust_time": 2.0}, "dust_time": {"dust_drift": (0.3, 0.2, 0.1)}, "ambient_color": {"ambient": 0.5}}
         | {"spacing": {"count": 3}, "gobo_drift_right": {"gobo_time": 1.0}, "gobo_drift_up": {"gobo_time": 1.0},
            "gobo_time": {"gobo": "water", "gobo_drift_right": 0.2}, "gobo_seed": {"gobo": "leaves"}}),
     "air": Base("clear-noon", 10, stage={"orders": 1}, seconds=20.0, samples=2, values={
@@ -166,6 +169,8 @@ def cases(family: str) -> Iterator[tuple[Parameter, dict[str, Any], tuple]]:
     """Every parameter of the family with what is set beside it, and its values."""
     preset, base = base_of(family), BASES[family]
     for parameter in preset.group.parameters:
+        if parameter.kind in WORDS:
+            continue
         beside = enabled(preset.group, parameter.name, preset.parameters, base.beside)
         values = base.values.get(parameter.name) or spread(parameter, {**preset.parameters, **beside}[parameter.name])
         yield parameter, {name: value for name, value in beside.items() if value != preset.parameters[name]}, values

@@ -17,14 +17,14 @@ from .compare.report import report_picture
 from .compare.statistics import Comparison, Estimate, compare
 from .parameters.preset import Preset
 from .plan.model import CYCLES, EEVEE
-from .plan.rules import bakes_light, compositor_loss_allowed, is_baked, light_resolution
+from .plan.rules import bakes_light, compositor_loss_allowed, eevee_lights, is_baked, light_resolution
 from .reference import depth_air, depth_fog
 from .reference.depth_air import SLICES
 from .reference.result import Result
 from .reference.select import integrator
 from .scene import assemble
 from .scene.bake import voxelized
-from .scene.model import ExponentialAltitude, Phase, Projector, Scene
+from .scene.model import ExponentialAltitude, Phase, Scene
 
 # Default tolerances of the mean relative error; EEVEE approximates, so its error is stated and by default not judged.
 TOLERANCE = {CYCLES: 0.005, EEVEE: None}
@@ -100,6 +100,8 @@ def _composites(scene: Scene, family: str, engine: str) -> bool:
     """
     if family == "air":
         return engine == EEVEE and not depth_air.applies(scene)
+    if engine == CYCLES and max(scene.environment) > 0.0:
+        return False  # the sky's light is sampled: an estimate below what Cycles allows would take minutes
     return depth_fog.loss(scene) <= compositor_loss_allowed(engine)
 
 
@@ -147,7 +149,9 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
     if engine == CYCLES:
         return []
     notes = []
-    if scene.is_dielectric:
+    if any(volume.sheet for volume in scene.volumes):
+        notes.append("EEVEE blends panes over what is behind: they mirror the world alone, and their shadows are grey")
+    elif scene.is_dielectric:
         notes.append("EEVEE traces refraction in screen space; reflections inside the body come from closed forms")
     elif any(volume.medium.scatters for volume in scene.volumes):
         baked = [bool(bakes_light(scene, volume, preset.parameters)) for volume in scene.volumes]
@@ -163,8 +167,8 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
         one_lobe = len(phases) == 1 and all(isinstance(phase, Phase) and phase.weight == 0.0 for phase in phases)
         if not one_lobe and not all(baked):
             notes.append("EEVEE has one HG lobe, here with the mean cosine of the phase function")
-        if any(isinstance(light, Projector) and (light.falloff != 2 or light.near > 0.0) for light in scene.lights):
-            notes.append("EEVEE's lights fall off with the square of the distance and have no near end")
+        if note := eevee_lights(scene.lights):
+            notes.append(note)
         if scene.surfaces:
             notes.append("EEVEE does not dim the light that reaches surfaces through the medium")
         if max(scene.environment) > 0.0 and not all(baked):

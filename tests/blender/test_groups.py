@@ -4,6 +4,7 @@
 Rewrite the snapshots with:  VOLUMETRICS_UPDATE_SNAPSHOTS=1 python -m pytest tests/blender/test_groups.py
 """
 
+import math
 import os
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from volumetrics_addon.blender import build, groups  # noqa: E402
-from volumetrics_addon.blender.fields import Fields  # noqa: E402
+from volumetrics_addon.blender.fields import fields_of  # noqa: E402
 from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
 from volumetrics_addon.parameters.preset import load, names  # noqa: E402
 from volumetrics_addon.verify import scene_of  # noqa: E402
@@ -66,9 +67,13 @@ def variants():
     yield "cloud-billows-mie", "cloud", {"billow_octaves": 3, "base": 0.1, "profile": "anvil", "phase": "mie"}, "storm"
     yield "fog", "fog", {}, "fog"
     yield "godray", "godray", {}, "beam"
+    yield "godray-dust", "godray", {"dust_strength": 1.5, "dust_seed": 3}, "beam"
     yield "glass-sphere", "glass", {}, "ball"
     yield "glass-block", "glass", {"shape": "block"}, "block"
     yield "glass-shell", "glass", {"shape": "shell"}, "shell"
+    yield "glass-sheet", "glass", {"shape": "sheet"}, "sheet"
+    yield "glass-lead", "glass", {"shape": "sheet", "coverage_pattern": "lead"}, "lead"
+    yield "glass-dirt", "glass", {"shape": "sheet", "coverage_pattern": "dirt", "refraction": False}, "dirt"
     yield "glass-tint", "glass", {"refraction": False}, "tint"
     yield "air", "air", {}, "air"
 
@@ -83,7 +88,7 @@ def test_node_trees_are_as_recorded(snapshot, family, changes, label):
     values = FAMILIES[family].check(changes)
     volume = assemble.ASSEMBLERS[family](values, assemble.Bounds([(-5, -5, 0), (5, 5, 3)])).volumes[0]
     with build.temporary():
-        material = groups.material(FAMILIES[family], values, volume.domain, label, Fields(cavity=volume.cavity))
+        material = groups.material(FAMILIES[family], values, volume.domain, label, fields_of(volume))
         node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
         lines = ["# group", *describe(node.node_tree), "# material", *describe(material.node_tree)]
     text = "\n".join(lines) + "\n"
@@ -111,16 +116,18 @@ def test_live_parameters_are_sockets_with_their_declaration(family):
         for socket, parameter in zip(sockets, FAMILIES[family].live):
             assert socket.description == parameter.description
             if parameter.kind in ("float", "int"):
-                assert socket.min_value == pytest.approx(parameter.minimum)
-                assert socket.max_value == pytest.approx(parameter.maximum)
-                assert socket.default_value == pytest.approx(parameter.default)
+                factor = math.radians(1.0) if parameter.unit == "deg" else 1.0
+                assert socket.min_value == pytest.approx(factor * parameter.minimum)
+                assert socket.max_value == pytest.approx(factor * parameter.maximum)
+                assert socket.default_value == pytest.approx(factor * parameter.default)
 
 
 def test_both_engines_get_an_output_of_their_own():
     for name in names():
         preset = load(name)
         with build.temporary():
-            material = groups.material(preset.group, preset.parameters, scene_of(preset).volumes[0].domain, name)
+            volume = scene_of(preset).volumes[0]
+            material = groups.material(preset.group, preset.parameters, volume.domain, name, fields_of(volume))
             outputs = [n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial"]
             assert {o.target for o in outputs} == {"CYCLES", "EEVEE"}
             for output in outputs:

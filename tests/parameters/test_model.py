@@ -2,6 +2,7 @@
 """Declarations: what is accepted, what is refused, and that every declared parameter is complete."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -20,7 +21,8 @@ CHOICE = Parameter("domain", "choice", "box", "One of two.", choices=(("box", "B
 COLOR = Parameter("albedo", "color", (1.0, 1.0, 1.0), "A colour.", minimum=0.0, maximum=1.0)
 VECTOR = Parameter("size", "vector", (1.0, 1.0, 1.0), "A size.", unit="m", minimum=0.1, maximum=1e6)
 TEXT = Parameter("label", "text", "", "A name.", maximum=10)
-EVERY_KIND = (FLOAT, INT, BOOL, CHOICE, COLOR, VECTOR, TEXT)
+PATH = Parameter("image", "path", "", "A file.", maximum=30)
+EVERY_KIND = (FLOAT, INT, BOOL, CHOICE, COLOR, VECTOR, TEXT, PATH)
 
 GROUPS = (*FAMILIES.values(), STAGE, PROP)
 DECLARED = [pytest.param(group, parameter, id=f"{group.name}.{parameter.name}")
@@ -29,8 +31,8 @@ DECLARED = [pytest.param(group, parameter, id=f"{group.name}.{parameter.name}")
 # Ratios, cosines and exponents: no unit belongs to them.
 DIMENSIONLESS = {"g", "g_back", "lobe_weight", "mie_g", "octave_extinction", "octave_phase", "octave_contribution", "fill", "softness", "base",
                  "noise_detail", "noise_roughness", "noise_strength", "billow_strength", "billow_roughness", "stretch", "evolution",
-                 "cutoff", "ior", "strength", "blend", "blocker_fill", "gobo_softness", "gobo_scale", "max_opacity", "edge",
-                 "aspect"}
+                 "cutoff", "ior", "strength", "coverage", "coverage_softness", "color_variation", "blend", "blocker_fill", "gobo_softness",
+                 "gobo_scale", "max_opacity", "edge", "aspect", "dust_strength"}
 
 HUGE = 10**400  # beyond float
 ENDLESS = 1 << 20000  # beyond what Python writes in decimal
@@ -61,11 +63,18 @@ def test_canonical_form(parameter, value, canonical):
 @pytest.mark.parametrize(("parameter", "word", "value"), [
     (FLOAT, "2.5", 2.5), (FLOAT, "1e-3", 1e-3), (FLOAT, " 3 ", 3.0), (INT, "7", 7),
     (BOOL, "true", True), (BOOL, "False", False), (CHOICE, "cone", "cone"), (TEXT, "fog", "fog"),
+    (PATH, "/a/b.png", "/a/b.png"), (PATH, "", ""),
     (COLOR, "0.1,0.2,0.3", (0.1, 0.2, 0.3)), (COLOR, "0, 1 ,1e-2", (0.0, 1.0, 0.01)), (VECTOR, "1,2,3", (1.0, 2.0, 3.0)),
 ])
 def test_words_of_the_command_line(parameter, word, value):
     result = parameter.parse(word)
     assert result == value and type(result) is type(value)
+
+
+def test_a_file_on_the_command_line_is_relative_to_the_working_directory(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert PATH.check("b.png") == "b.png"
+    assert replace(PATH, maximum=1000).parse("a/b.png") == str(tmp_path / "a" / "b.png")
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False), st.integers())
@@ -89,6 +98,7 @@ REFUSED = [
     (COLOR, [0.5, math.nan, 0.5]), (COLOR, [True, 1, 1]), (COLOR, [0, 0, "0"]), (COLOR, [0, 0, [0]]),
     (COLOR, [0, HUGE, 0]), (COLOR, ENDLESS), (COLOR, {"r": 1}),
     (VECTOR, [1.0, 0.05, 1.0]), (VECTOR, [math.inf] * 3),
+    (PATH, "/" * 31), (PATH, "a\0b"), (PATH, 1), (PATH, ["a"]),
     (TEXT, "eleven long"), (TEXT, "two\nlines"), (TEXT, "\x1b[2J"), (TEXT, "\x7f"), (TEXT, "\x85"), (TEXT, 1), (TEXT, None), (TEXT, ENDLESS),
 ]
 
@@ -186,8 +196,8 @@ def test_declared_parameter_is_complete(group, parameter):
     assert parameter.description.endswith(".") and parameter.description[0].isupper()
     assert 10 <= len(parameter.description) <= 160
     assert parameter.check(parameter.default) == parameter.default
-    if parameter.kind in ("bool", "choice"):
-        assert parameter.minimum is None is parameter.maximum
+    if parameter.kind in ("bool", "choice", "path"):
+        assert parameter.minimum is None and (parameter.maximum is None) == (parameter.kind != "path")
         return
     assert parameter.minimum < parameter.maximum
     low, high = parameter.soft_range
@@ -202,7 +212,7 @@ def test_declared_parameter_is_complete(group, parameter):
 
 @pytest.mark.parametrize(("group", "parameter"), DECLARED)
 def test_limits_themselves_are_allowed_and_what_lies_beyond_is_not(group, parameter):
-    if parameter.kind in ("bool", "choice", "text"):
+    if parameter.kind in ("bool", "choice", "text", "path"):
         for name, label in parameter.choices:
             assert parameter.check(name) == name and label
         return

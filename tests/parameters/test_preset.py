@@ -114,7 +114,9 @@ def test_every_parameter_is_checked_where_it_stands(family):
     for title, group in (("[parameters]", FAMILIES[family]), ("[stage]", STAGE), ("[[props]]", PROP)):
         for parameter in group.parameters:
             words = ["{}", "1979-05-27", '"no such value"', "[1.0, 2.0]", "0x" + "f" * 5000]
-            if parameter.kind not in ("bool", "choice"):
+            if parameter.kind == "path":
+                words[2] = f'"{"x" * 1001}"'
+            if parameter.kind not in ("bool", "choice", "path"):
                 low, high = parameter.minimum, parameter.maximum
                 numbers = ["nan", "-nan", "inf", "-inf", "true", repr(low - abs(low) - 1), repr(high + abs(high) + 1)]
                 words += numbers if parameter.kind in ("float", "int") else [f"[0.5, {word}, 0.5]" for word in numbers]
@@ -282,6 +284,16 @@ def test_names_follow_the_folder(tmp_path, monkeypatch):
     assert presets.names() == ["a", "b"] and load("a").name == "a"
 
 
+def test_a_file_is_relative_to_the_preset(tmp_path):
+    data = b'format = 1\nfamily = "godray"\n[parameters]\ngobo_image = "pictures/leaf.png"'
+    (tmp_path / "slide.toml").write_bytes(data)
+    preset = load(tmp_path / "slide.toml")
+    assert preset.parameters["gobo_image"] == str(tmp_path / "pictures" / "leaf.png")
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "slide.toml").write_text(to_toml(preset), encoding="utf-8")
+    assert load(tmp_path / "other" / "slide.toml") == preset
+
+
 # --- what is written -------------------------------------------------------------------------------------------
 
 
@@ -292,6 +304,8 @@ def values_of(parameter):
             return st.booleans()
         case "choice":
             return st.sampled_from([name for name, _ in parameter.choices])
+        case "path":
+            return st.just("") | texts(1, 500).map(lambda text: os.path.abspath("/" + text))
         case "int":
             return st.integers(int(parameter.minimum), int(parameter.maximum))
         case "float":
@@ -330,6 +344,8 @@ def test_the_largest_preset_fits_into_a_file(family):
                 return not parameter.default
             case "choice":
                 return max((name for name, _ in parameter.choices), key=len)
+            case "path":
+                return "/" + "\U0001f32b" * int(parameter.maximum - 1)
             case "int":
                 return int(parameter.maximum)
         value = math.nextafter(parameter.minimum, math.inf) if parameter.minimum else 1.2345678901234567e-07

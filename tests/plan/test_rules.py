@@ -15,7 +15,7 @@ from volumetrics_addon.scene import assemble
 def made(name, engine, samples=8, *, stage=None, **options):
     scene = scene_of(name, **(stage or {}))
     preset = load(name)
-    return plan(scene, [assemble.body(preset.family, preset.parameters, scene.volumes)], engine, samples, **options)
+    return plan(scene, assemble.bodies(preset.family, preset.parameters, scene.volumes), engine, samples, **options)
 
 
 def scene_of(name, **stage):

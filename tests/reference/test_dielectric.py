@@ -8,7 +8,7 @@ import pytest
 
 from volumetrics_addon.reference import dielectric
 from volumetrics_addon.scene.model import (
-    Box, Camera, Dielectric, Ellipsoid, Medium, Scene, Surface, Volume, normalized, turned,
+    Box, Camera, Cover, Dielectric, Ellipsoid, Medium, Point, Scene, Sheet, Sun, Surface, Volume, normalized, turned,
 )
 
 CAMERA = Camera((0.0, -4.0, 0.0), (0.0, 1.0, 0.0), math.radians(40.0))
@@ -97,3 +97,99 @@ def test_refuses_scattering_and_diffuse_surfaces():
                 surfaces=(Surface(Box((0, 0, -2), (5, 5, 0)), (0.5, 0.5, 0.5)),))
     with pytest.raises(ValueError, match="diffuse"):
         dielectric.render(lit, 4, 4)
+
+
+# --- thin panes -------------------------------------------------------------------------------------------------
+
+
+def sheet(thickness=0.5, ior=1.5, cover=None, sigma=SIGMA, half=(500.0, 0.0, 500.0), center=(0.0, 0.0, 0.0)):
+    return Volume(Box(center, half), Medium((0.0, 0.0, 0.0), sigma), ior and Dielectric(ior), sheet=Sheet(thickness, cover))
+
+
+def bounced(r, t, orders=200):
+    """Shares that a plate mirrors and lets through, bounce by bounce."""
+    through, mirrored, inside = 0.0, r, (1 - r) * t
+    for _ in range(orders):
+        through += inside * (1 - r)
+        inside *= r * t
+        mirrored += inside * (1 - r)
+        inside *= r * t
+    return mirrored, through
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 1.4])
+@pytest.mark.parametrize("ior", [1.33, 1.5, 2.4])
+def test_a_pane_is_a_plate_bounce_by_bounce(angle, ior):
+    """A wall of radiance 1 behind, one of radiance 5 in front: T + 5 R, summed over the bounces."""
+    walls = tuple(Surface(Box((0.0, y, 0.0), (5e3, 0.0, 5e3)), (0, 0, 0), (e, e, e)) for y, e in ((50.0, 1.0), (-50.0, 5.0)))
+    scene = Scene(CAMERA, volumes=(sheet(ior=ior),), surfaces=walls)
+    direction = np.array([[math.sin(angle), math.cos(angle), 0.0]])
+    value, _, _ = dielectric.radiance(scene, np.array([[0.0, -4.0, 0.0]]), direction)
+    r, path = reflectance(math.cos(angle), ior), 0.5 / math.sqrt(1 - (math.sin(angle) / ior) ** 2)
+    for c, sigma in enumerate(SIGMA):
+        mirrored, through = bounced(r, math.exp(-sigma * path))
+        assert value[0, c] == pytest.approx(through + 5 * mirrored, rel=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.2])
+def test_a_pane_without_refraction_is_a_straight_path(angle):
+    scene = Scene(CAMERA, environment=(1.0, 1.0, 1.0), volumes=(sheet(ior=None),))
+    value, _, _ = dielectric.radiance(scene, np.array([[0.0, -4.0, 0.0]]), np.array([[math.sin(angle), math.cos(angle), 0.0]]))
+    assert value[0] == pytest.approx([math.exp(-sigma * 0.5 / math.cos(angle)) for sigma in SIGMA])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_stack_of_clear_panes_conserves_energy(count):
+    """All light of a uniform environment comes out again, whatever is mirrored between the panes."""
+    panes = tuple(sheet(sigma=(0.0,) * 3, center=(0.0, float(k), 0.0)) for k in range(count))
+    value, lost, _ = dielectric.radiance(Scene(CAMERA, environment=(1.0, 1.0, 1.0), volumes=panes),
+                                         np.array([[0.0, -4.0, 0.0]]), np.array([[0.6, 0.8, 0.0]]))
+    assert value[0] == pytest.approx([1.0] * 3, abs=1e-4) and (1.0 - value[0] <= lost[0] + 1e-12).all()
+
+
+def test_a_uniform_cover_is_a_plain_mix():
+    """Black cover over a share c of a pane before a wall: (1 - c) T; a cover of albedo a under uniform light 1 adds c a."""
+    wall = Surface(Box((0.0, 50.0, 0.0), (5e3, 0.0, 5e3)), (0, 0, 0), (1.0, 1.0, 1.0))
+    ray = np.array([[0.0, -4.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
+    clean = dielectric.radiance(Scene(CAMERA, volumes=(sheet(),), surfaces=(wall,)), *ray)[0]
+    black = Cover("uniform", 0.3, (0.0, 0.0, 0.0))
+    dim = dielectric.radiance(Scene(CAMERA, volumes=(sheet(cover=black),), surfaces=(wall,)), *ray)[0]
+    assert dim == pytest.approx(0.7 * clean)
+    dusty = sheet(cover=Cover("uniform", 0.3, (0.5, 0.4, 0.2)), sigma=(0.0,) * 3)
+    pale = Scene(CAMERA, environment=(1.0, 1.0, 1.0), volumes=(dusty,))
+    rng = np.random.default_rng(3)
+    value = dielectric.radiance(pale, np.repeat(ray[0], 50, 0), np.repeat(ray[1], 50, 0), 1e-6, rng)[0]
+    # Half of the cover's light goes where the camera is: the environment lights it from there, unattenuated.
+    assert value.mean(axis=0) == pytest.approx([0.7 + 0.3 * a for a in (0.5, 0.4, 0.2)], abs=1e-5)
+
+
+def seen_below(scene):
+    """Radiance from the floor at the origin, seen from above it below the pane."""
+    return dielectric.radiance(scene, np.array([[0.0, 0.0, 0.5]]), np.array([[0.0, 0.0, -1.0]]), 1e-6, np.random.default_rng(1))[0]
+
+
+@pytest.mark.parametrize("lamp", ["sun", "point"])
+def test_a_lamp_shines_straight_through_a_pane(lamp):
+    """On a speck of albedo a below a level pane: a / pi E cos T(cos); what it sends up, the pane mirrors beside it."""
+    floor = Surface(Box((0.0, 0.0, 0.0), (1e-4, 1e-4, 0.0)), (0.6, 0.5, 0.4))
+    level = sheet(half=(50.0, 50.0, 0.0), center=(0.0, 0.0, 1.0))
+    if lamp == "sun":
+        light, cosine, irradiance = Sun(normalized((0.6, 0.0, -0.8)), (2.0, 2.0, 2.0)), 0.8, 2.0
+    else:
+        light, cosine = Point((-3.0, 0.0, 4.0), (100.0, 100.0, 100.0)), 0.8
+        irradiance = 100.0 / (4 * math.pi) / 25.0
+    scene = Scene(CAMERA, (light,), volumes=(level,), surfaces=(floor,))
+    value = seen_below(scene)
+    r, path = reflectance(cosine, 1.5), 0.5 / math.sqrt(1 - (0.6 / 1.5) ** 2)
+    for c, (sigma, albedo) in enumerate(zip(SIGMA, (0.6, 0.5, 0.4))):
+        _, through = bounced(r, math.exp(-sigma * path))
+        assert value[0, c] == pytest.approx(albedo / math.pi * irradiance * cosine * through, rel=1e-9)
+
+
+def test_a_diffuse_floor_by_a_pane_is_lit_by_what_is_behind_it():
+    """A floor under a uniform sky, through a clear pane without refraction, sees all of it: albedo times 1."""
+    floor = Surface(Box((0.0, 0.0, 0.0), (5.0, 5.0, 0.0)), (0.6, 0.5, 0.4))
+    level = sheet(ior=None, sigma=(0.0,) * 3, half=(50.0, 50.0, 0.0), center=(0.0, 0.0, 1.0))
+    scene = Scene(CAMERA, environment=(1.0, 1.0, 1.0), volumes=(level,), surfaces=(floor,))
+    value = seen_below(scene)
+    assert value[0] == pytest.approx([0.6, 0.5, 0.4])

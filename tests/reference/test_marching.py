@@ -13,7 +13,7 @@ from volumetrics_addon.reference import (
 )
 from volumetrics_addon.scene import geometry
 from volumetrics_addon.scene.model import (
-    Box, Camera, Cone, Dielectric, Ellipsoid, Medium, MiePhase, NoiseShape, Phase, Projector, RayleighPhase, Scene, Spot,
+    Box, Camera, Cone, Dielectric, Ellipsoid, Medium, MiePhase, NoiseShape, Phase, RayleighPhase, Scene, Spot,
     Surface, Volume, normalized, turned,
 )
 
@@ -178,13 +178,13 @@ def test_octave_of_a_phase_function_is_normalised_with_its_mean_cosine_scaled(ph
         assert (weights * value * nodes).sum() * 2 * math.pi == pytest.approx(factor * mean, abs=1e-5)
 
 
-def test_ambient_light_of_a_projector_fills_the_medium():
-    """sigma_s A (1 - exp(-sigma_t d)) / sigma_t through a slab, whatever the projector shines at."""
-    light = Projector((0.0, 0.0, 9.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 1.0, 1.0), 0.5, 0.5, ambient=(0.3, 0.2, 0.1))
-    scene = Scene(CAMERA, (light,), volumes=(Volume(BOX, HAZE),))
+def test_ambient_light_fills_the_medium():
+    """sigma_s A (1 - exp(-sigma_t d)) / sigma_t through a slab."""
+    ambient = (0.3, 0.2, 0.1)
+    scene = Scene(CAMERA, (), volumes=(Volume(BOX, replace(HAZE, ambient=ambient)),))
     column = marching.march(scene, np.array([CAMERA.position]), np.array([(0.0, 1.0, 0.0)]), np.array([np.inf]), 3, 1)
     sigma_t = np.array(HAZE.sigma_t)
-    expected = np.array(HAZE.sigma_s) * light.ambient * -np.expm1(-4.0 * sigma_t) / sigma_t
+    expected = np.array(HAZE.sigma_s) * ambient * -np.expm1(-4.0 * sigma_t) / sigma_t
     np.testing.assert_allclose(column.scattered[0], expected, rtol=1e-12)
 
 

@@ -11,7 +11,7 @@ from volumetrics_addon.physics import airlight, phase
 from volumetrics_addon.reference import optics, path_scene, path_tracing
 from volumetrics_addon.scene import geometry, noise
 from volumetrics_addon.scene.model import (
-    Box, Camera, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape,
+    Box, Camera, Cone, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape,
     Phase, Point, Projector, RayleighPhase, Scene, Spot, Sun, Surface, Volume, normalized, turned,
 )
 
@@ -26,6 +26,7 @@ TILTED = Box((0.1, 0.0, 0.0), (1.0, 0.7, 0.9), turned(0.4))
 EGG = Ellipsoid((0.0, 0.1, -0.1), (1.2, 0.6, 0.8), turned(-0.7))
 CONE = Cone((0.0, 0.0, 1.2), normalized((0.2, 0.1, -1.0)), 0.5, 2.2)
 NOISE = NoiseShape((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.4, 2.0, 0.5, 1.0, 0.8, 0.3, 5)
+DUST = Dust(1.6, 0.5, 3, (0.1, 0.2, 0.3))
 VOXELS = Grid(np.random.default_rng(2).random((5, 4, 6)) ** 2, (-0.8, -0.7, -0.9), (0.9, 0.8, 0.7))
 AIR = ExponentialAltitude((0.0, 0.0, -10.0), 9.0, 0.4)
 SUN = Sun(normalized((1.0, 1.0, -1.0)), (3.0, 2.0, 1.0))
@@ -53,6 +54,8 @@ SCENES = {
         (Surface(Ellipsoid(AIR.center, (AIR.radius,) * 3), (0.3, 0.4, 0.5)),), 6),
     "noise of droplets, sun and sky": Scene(
         CAMERA, (SUN,), (0.3, 0.4, 0.5), (Volume(BALL, medium(5.0, 0.99, MiePhase(12.0), NOISE)),), (), 12),
+    "dusty cone, spot light": Scene(
+        CAMERA, (SPOT,), (0.0, 0.0, 0.0), (Volume(CONE, medium((1.0, 2.0, 1.5), 0.9, Phase(0.5), DUST)),), (), 3),
     "voxels, sun": Scene(
         CAMERA, (SUN,), (0.2, 0.2, 0.2), (Volume(EGG, medium((4.0, 5.0, 6.0), 0.9, Phase(0.5), VOXELS)),), (), 8),
     "cone over ball, spot light, lamp": Scene(

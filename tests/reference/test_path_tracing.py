@@ -8,7 +8,7 @@ import pytest
 
 from volumetrics_addon.reference import optics, path_tracing
 from volumetrics_addon.scene.model import (
-    Box, Camera, Ellipsoid, ExponentialHeight, Homogeneous, Medium, NoiseShape, Phase, Scene, Surface, Volume,
+    Box, Camera, Ellipsoid, ExponentialHeight, Homogeneous, Medium, NoiseShape, Phase, Scene, Spot, Surface, Volume, swept,
 )
 
 CAMERA = Camera((0.0, -4.0, 0.0), (0.0, 1.0, 0.0), math.radians(40.0))
@@ -105,3 +105,25 @@ def test_the_twin_refuses_what_it_would_not_end():
     scene = Scene(Camera((0.0, -3.0, 0.0), (0.0, 1.0, 0.0), 1.0), volumes=(Volume(Box((0, 0, 0), (1, 1, 1)), fog),), orders=2)
     with pytest.raises(ValueError, match="install numba"):
         path_tracing.render(scene, 2, 2, strata=1, repeats=1, kernel="numpy")
+
+
+def test_ambient_light_is_scattered_once():
+    """sigma_s A (1 - T) / sigma_t, however many orders the scene follows."""
+    medium = Medium((0.6, 0.3, 0.2), (0.1, 0.2, 0.0), Phase(0.5), ambient=(1.0, 2.0, 3.0))
+    cube = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    scene = Scene(Camera((0.0, -4.0, 0.0), (0.0, 1.0, 0.0), 1e-6), (), volumes=(Volume(cube, medium),), orders=3)
+    result = path_tracing.render(scene, 16, 16, repeats=4, samples=64, strata=0, seed=3)
+    sigma_t = np.array(medium.sigma_t)
+    expected = np.array(medium.sigma_s) * medium.ambient * -np.expm1(-2.0 * sigma_t) / sigma_t
+    assert np.abs(result.image.mean(axis=(0, 1)) / expected - 1.0).max() < 0.02  # 0.5 % of noise
+
+
+def test_a_polyhedron_is_the_box_that_it_equals():
+    medium = Medium((0.6, 0.3, 0.2), (0.1, 0.2, 0.0), Phase(0.5))
+    box = Box((0.0, 0.0, 0.0), (1.0, 0.7, 0.5))
+    floor, roof = (tuple((x, y, z) for x, y in ((-1.0, -0.7), (1.0, -0.7), (1.0, 0.7), (-1.0, 0.7))) for z in (-0.5, 0.5))
+    spot = Spot((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), (100.0,) * 3, 1.0, 0.3)
+    scenes = [Scene(CAMERA, (spot,), volumes=(Volume(domain, medium),), orders=3) for domain in (box, swept(floor, roof))]
+    images = [path_tracing.render(scene, 6, 6, repeats=2, kernel="numpy").image for scene in scenes]
+    np.testing.assert_allclose(*images, rtol=1e-9)
+    assert images[0].max() > 0.0

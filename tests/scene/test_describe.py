@@ -12,7 +12,7 @@ from volumetrics_addon.parameters.preset import load, names
 from volumetrics_addon.scene import assemble
 from volumetrics_addon.scene.describe import describe, describe_scene
 from volumetrics_addon.scene.model import (
-    Box, Camera, Ellipsoid, ExponentialAltitude, Grid, Medium, MiePhase, Phase, Projector, RayleighPhase, Scene, Volume,
+    Box, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Medium, MiePhase, Phase, RayleighPhase, Volume,
 )
 
 BOX = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
@@ -40,15 +40,16 @@ def test_inverse_of_assembly(name):
                                                                "reach", "ground_albedo")
                            if key in preset.parameters and key in values}
         if preset.family == "godray":
-            assert family == "cloud"
+            medium = body.volumes[0].medium
+            assert family == ("godray" if medium.glows or isinstance(medium.density, Dust) else "cloud")
             placed |= {"domain": "box"}
         for again, volume in zip(assemble.ASSEMBLERS[family](placed, assemble.Bounds([(0.0, 0.0, 0.0)])).volumes, body.volumes,
                                  strict=True):
             for mine, other in ((again.medium.sigma_s, volume.medium.sigma_s), (again.medium.sigma_a, volume.medium.sigma_a)):
                 assert close(mine, other)
             assert again.medium.phase == volume.medium.phase
-            assert again.medium.density == volume.medium.density
-            assert again.boundary == volume.boundary
+            assert again.medium.density == volume.medium.density and close(again.medium.ambient, volume.medium.ambient)
+            assert again.boundary == volume.boundary and again.sheet == volume.sheet
 
 
 def test_droplets_and_billows_come_back():
@@ -80,12 +81,15 @@ def test_voxels_are_a_cloud_that_may_only_absorb():
         assert family == "cloud" and values["extinction"] == 1.0 and values["albedo"] == albedo and values["g"] == 0.3
 
 
-def test_ambient_term_of_a_projector_is_refused():
-    light = Projector((0, 0, 0), (0, 0, -1), (0, 1, 0), (1, 1, 1), 1.0, 1.0)
-    scene = Scene(Camera((0, -1, 0), (0, 1, 0), 1.0), (replace(light, ambient=(0.5, 0.0, 0.0)),))
-    with pytest.raises(ValueError, match="ambient term"):
-        describe_scene(scene)
-    assert describe_scene(replace(scene, lights=(light,))) == []
+def test_ambient_light_and_dust_are_those_of_haze():
+    medium = Medium((1.0,) * 3, (0.5,) * 3, Phase(0.2), Dust(0.5, 2.0, 7, (1.0, 2.0, 3.0)), (2.0, 1.0, 0.0))
+    family, values = describe(Volume(BOX, medium))
+    assert family == "godray" and (values["extinction"], values["g"]) == (1.5, 0.2)
+    assert (values["ambient"], values["ambient_color"]) == (2.0, (1.0, 0.5, 0.0))
+    assert [values[f"dust_{name}"] for name in ("strength", "size", "seed", "drift", "time")] == [0.5, 2.0, 7, (1.0, 2.0, 3.0), 1.0]
+    for other in (replace(medium, density=ExponentialHeight(1.0, 0.0)), replace(medium, phase=Phase(0.2, 0.1, 0.5))):
+        with pytest.raises(ValueError, match="ambient light is that of haze with one HG lobe"):
+            describe(Volume(BOX, other))
 
 
 # --- air --------------------------------------------------------------------------------------------------------

@@ -41,13 +41,15 @@ def test_a_body_is_scaled_as_its_volumes(name):
     """Scaled values, assembled, are the scaled volumes."""
     preset = load(name)
     scene = scene_of(preset)
-    body = scaled_body(assemble.body(preset.family, preset.parameters, scene.volumes), 0.5)
-    assert body.volumes == scaled(scene, 0.5).volumes
+    bodies = [scaled_body(body, 0.5) for body in assemble.bodies(preset.family, preset.parameters, scene.volumes)]
+    volumes = tuple(volume for body in bodies for volume in body.volumes)
+    assert volumes == scaled(scene, 0.5).volumes
+    body = bodies[0]
     assert [p.name for p in body.family.parameters] == [p.name for p in preset.group.parameters]
     assert body.family.check(body.values) == body.values  # within limits that were scaled too
     if preset.family != "fog":  # which is fitted to bounds
         again = assemble.ASSEMBLERS[preset.family](body.values).volumes
-        for mine, other in zip(again, body.volumes, strict=True):
+        for mine, other in zip(again, volumes, strict=True):
             assert mine.medium.sigma_t == pytest.approx(other.medium.sigma_t, rel=1e-12)
             assert mine.medium.density == other.medium.density
 

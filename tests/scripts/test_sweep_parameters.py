@@ -20,7 +20,7 @@ import sweep_plots  # noqa: E402
 def test_every_parameter_has_values_that_are_allowed_and_have_an_effect(family):
     group, base = FAMILIES[family], sweep.base_of(family)
     swept = {parameter.name: (beside, values) for parameter, beside, values in sweep.cases(family)}
-    assert list(swept) == [parameter.name for parameter in group.parameters] and len(swept) > 8
+    assert list(swept) == [p.name for p in group.parameters if p.kind not in sweep.WORDS] and len(swept) > 8
     for name, (beside, values) in swept.items():
         assert len(values) == len(set(values)) >= (2 if group[name].kind in ("choice", "bool") else 3), name
         for value in values:

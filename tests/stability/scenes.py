@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from volumetrics_addon.scene.model import (
-    Box, Camera, Cone, Dielectric, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Medium, MiePhase, NoiseShape,
-    Phase, Point, Projector, RayleighPhase, Scene, Spot, Sun, Surface, Volume, turned,
+    Box, Camera, Cone, Cover, Dielectric, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Medium, MiePhase, NoiseShape,
+    Phase, Point, Projector, RayleighPhase, Scene, Sheet, Spot, Sun, Surface, Volume, turned,
 )  # fmt: skip
 
 ORIGIN, DOWN, AHEAD = (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)
@@ -79,6 +79,12 @@ def slab(extinction=1.0, albedo=0.9, tilt=0.8, height=0.5, position=(0.0, 0.0, 3
 
 def behind(*surfaces, light=POINT, **rest):
     return Scene(EYE, (light,), volumes=(Volume(ROOM, HAZE),), surfaces=surfaces, **rest)
+
+
+def behind_pane(pane, light=POINT, half=(1.0, 0.0, 1.0)):
+    """A pane of glass before a grey wall."""
+    glass = Volume(Box(ORIGIN, half), Medium((0.0,) * 3, (0.1, 0.5, 1.0)), Dielectric(1.5), sheet=pane)
+    return Scene(EYE, (light,), environment=(1.0, 1.0, 1.0), volumes=(glass,), surfaces=(Surface(WALL, GRAY),))
 
 
 CELLS = np.array([0.0, 1e3, 1e-308, 1.0] * 6).reshape(2, 3, 4)
@@ -149,7 +155,7 @@ SCENES: dict[str, Scene] = {
     "projector without depth": lit(replace(SLIDE, near=3.0, far=3.0)),
     "projector of falloff 0": lit(replace(SLIDE, falloff=0)),
     "projector with a gobo": lit(replace(SLIDE, gobo=np.array([[0.0, 1.0], [1e30, 0.0]]))),
-    "projector with ambient light": lit(replace(SLIDE, ambient=(0.1, 0.2, 0.3))),
+    "ambient light": lit(SLIDE, haze=replace(HAZE, ambient=(0.1, 0.2, 0.3))),
     "projector on the central ray": lit(replace(SLIDE, position=ORIGIN)),
     "sun along the ray": lit(Sun(AHEAD, (1.0, 1.0, 1.0))),
     "sun against the ray": lit(Sun((0.0, -1.0, 0.0), (1.0, 1.0, 1.0))),
@@ -213,6 +219,11 @@ SCENES: dict[str, Scene] = {
         environment=(1.0, 1.0, 1.0),
         volumes=(Volume(Box(ORIGIN, (1.0, 0.0, 1.0)), Medium((0.0,) * 3, (1.0,) * 3), Dielectric(1.5)),),
     ),
+    **{f"glass pane of {x:g} m": behind_pane(Sheet(x)) for x in (1e-12, 1.0, 1e12)},
+    "glass pane under leads": behind_pane(Sheet(0.1, Cover("lead", 0.3, GRAY, 0.5, variation=1.0))),
+    "glass pane under soft dirt": behind_pane(Sheet(0.1, Cover("dirt", 1.0, GRAY, 0.5, softness=1.0)), SUN),
+    "glass pane that is covered": behind_pane(Sheet(0.1, Cover("uniform", 1.0, (0.0, 0.0, 0.0)))),
+    "glass pane seen along its plane": behind_pane(Sheet(0.1), half=(1.0, 1.0, 0.0)),
     "absorbing only": lit(haze=medium(1.0, 0.0), environment=(1.0, 1.0, 1.0)),
     "slab": slab(),
     "slab without absorption": slab(albedo=1.0),

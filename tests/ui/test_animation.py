@@ -9,6 +9,7 @@ import pytest
 from mathutils import Vector
 
 from volumetrics_addon.blender import compat, items, objects, render
+from volumetrics_addon.blender.nodes import socket_value
 from volumetrics_addon.parameters.families import FAMILIES
 from volumetrics_addon.parameters.preset import load
 from volumetrics_addon.ui import panels
@@ -33,6 +34,9 @@ def enabling(family, name, values):
         waiting.append(group[other].when)
     if "time" in values:  # without wind it moves nothing
         values |= {"time": values["time"] or 3.0, "wind": tuple(0.1 * values["noise_size"] * part for part in (1.0, 0.5, 0.0))}
+    if family == "godray":  # neither does a drift without time, nor has a colour effect without light
+        values |= {"ambient": values["ambient"] or 0.5, "dust_time": 2.0, "dust_drift": (0.3, 0.2, 0.1), "gobo_time": 1.0,
+                   "gobo_drift_right": 0.3, "dust_strength": min(1.0, 50.0 * values["dust_strength"])}
     if family == "cloud":
         values |= {"octaves": 3, "billow_size": 0.15}  # bulges larger than the cloud change little
     if values.get("profile") == "patch":
@@ -52,9 +56,11 @@ def ends(parameter, base):
     if parameter.unit == "m" and base == parameter.maximum:  # infinitely far, and before the wall
         return 20.0, base
     low, high = parameter.soft_range
+    if parameter.maximum == 1.0 and low == 0.0:
+        return 0.1 * base, 0.9 if base < 0.7 else base
     if low >= 0.0 and base > 0.0:
         return max(parameter.minimum, base * 0.5), min(high, base * 2.0) if base < high else 0.75 * base
-    return max(low, -0.4), min(high, 0.6)
+    return max(low, -0.4), min(high, 0.57)  # a window of four panes is as it was after a drift of 1
 
 
 def scene_of(family, values):
@@ -107,7 +113,8 @@ def still(socket):
 
 
 def written(parameter, value):
-    return (*value, 1.0) if parameter.kind == "color" else value
+    """As the socket holds it: colours with alpha, angles in radians."""
+    return socket_value(parameter, value)
 
 
 def evaluated(item, parameter):
@@ -143,6 +150,15 @@ def linked_through(node, index):
     return reached
 
 
+def read_by_drivers(node, index):
+    """Whether drivers elsewhere, such as those of a light's nodes, read the node's input."""
+    path = f"{node.path_from_id()}.inputs[{index}].default_value"
+    holders = [*bpy.data.objects, *bpy.data.lights, *bpy.data.materials, *bpy.data.node_groups]
+    holders += [block.node_tree for block in (*bpy.data.lights, *bpy.data.materials) if block.node_tree]
+    return any(path in target.data_path for block in holders if block.animation_data
+               for curve in block.animation_data.drivers for variable in curve.driver.variables for target in variable.targets)
+
+
 def picture(scene, frame):
     scene.frame_set(frame)
     scene.render.engine = "CYCLES"
@@ -161,7 +177,8 @@ def test_keyframes_and_drivers_reach_the_engines(family, values, parameters):
     for parameter in parameters:
         socket = socket_of(item, parameter)
         used = {output.name for output in node.outputs if output.is_linked}
-        assert linked_through(node, list(node.inputs).index(socket)) & used, parameter.name
+        index = list(node.inputs).index(socket)
+        assert linked_through(node, index) & used or read_by_drivers(node, index), parameter.name
         low, high = ends(parameter, values[parameter.name])
         kept = socket.default_value if parameter.kind in ("int", "float") else tuple(socket.default_value)
         for frame, value in zip(FRAMES, (low, high)):
@@ -174,7 +191,8 @@ def test_keyframes_and_drivers_reach_the_engines(family, values, parameters):
         still(socket)
         curves = socket.driver_add("default_value")
         for component, curve in enumerate(curves if isinstance(curves, list) else [curves]):
-            a, b = (v if parameter.kind in ("int", "float") else written(parameter, v)[component] for v in (low, high))
+            a, b = (v if parameter.kind in ("int", "float") else v[component]
+                    for v in (written(parameter, low), written(parameter, high)))
             curve.driver.expression = f"{a} + {b - a} * (frame - {FRAMES[0]}) / {FRAMES[1] - FRAMES[0]}"
         for frame, value in zip(FRAMES, (low, high)):
             scene.frame_set(frame)

@@ -2,6 +2,7 @@
 """Adding a preset to a user's file and removing it again leaves the file as it was."""
 
 import json
+import math
 
 import bpy
 import numpy as np
@@ -290,8 +291,10 @@ def test_live_sockets_mirror_the_declaration(name, scene):
             assert np.allclose(tuple(value)[:3], preset.parameters[parameter.name], rtol=1e-6)
             continue
         value = tuple(value) if parameter.kind == "vector" else value
-        assert value == pytest.approx(preset.parameters[parameter.name], rel=1e-6)
-        assert (declared.min_value, declared.max_value) == pytest.approx((parameter.minimum, parameter.maximum), rel=1e-6)
+        factor = math.radians(1.0) if parameter.unit == "deg" else 1.0
+        assert np.allclose(value, factor * np.array(preset.parameters[parameter.name]), rtol=1e-6)
+        limits = factor * parameter.minimum, factor * parameter.maximum
+        assert (declared.min_value, declared.max_value) == pytest.approx(limits, rel=1e-6)
         assert (declared.subtype == "DISTANCE") == (parameter.unit == "m")
     assert {parameter.name for parameter in FAMILIES[preset.family].live} < set(preset.parameters)
 

@@ -34,16 +34,17 @@ def temporary() -> Iterator[None]:
         bpy.data.batch_remove(made)
 
 
-def add_body(body: Body, name: str, collection: bpy.types.Collection, baked: LightGrid | None = None) -> bpy.types.Object:
-    """The object that holds the body's media, with the material of its family; in EEVEE it shines with ``baked`` light."""
+def add_body(body: Body, name: str, collection: bpy.types.Collection, baked: LightGrid | None = None,
+             material: bpy.types.Material | None = None) -> bpy.types.Object:
+    """The object that holds the body's media, with ``material`` or its family's; in EEVEE it shines with ``baked`` light."""
     first = body.volumes[0]
     glow = light.picture(baked, body.domain.center, f"{name} light") if baked else None
-    material = groups.material(body.family, body.values, body.domain, name, fields.fields_of(first, glow))
+    material = material or groups.material(body.family, body.values, body.domain, name, fields.fields_of(first, glow))
     if isinstance(first.medium.density, Grid):
         result = grid.body(first, name, material, collection)
     else:
         result = objects.body(body.domain, name, material, collection, cavity=first.cavity)
-    if first.boundary is None:  # a box, ball or cone of lines: the faces of the mesh would fill the view
+    if not first.has_surface:  # a box, ball or cone of lines: the faces of the mesh would fill the view
         result.display_type = "BOUNDS"
         result.display_bounds_type = {Box: "BOX", Ellipsoid: "SPHERE", Cone: "CONE", Hull: "BOX"}[type(body.domain)]
     return result
@@ -92,10 +93,14 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
     return result
 
 
-def add_light(source: Light, name: str, collection: bpy.types.Collection, scene: Scene, engine: str | None = None) -> None:
-    """The light, for one engine or for both: a projector is nodes in Cycles and a mask before the light in EEVEE."""
+def add_light(source: Light, name: str, collection: bpy.types.Collection, scene: Scene, engine: str | None = None,
+              live: bpy.types.NodeTree | None = None) -> None:
+    """The light, for one engine or for both: a projector is nodes in Cycles and a mask before the light in EEVEE.
+
+    ``live`` is the node group of its gobo, where that is not a picture.
+    """
     if isinstance(source, Projector):
-        projector.add(source, name, collection, engine, rules.reach(scene, source.position))
+        projector.add(source, name, collection, engine, rules.reach(scene, source.position), live)
     else:
         objects.light(source, name, collection)
 

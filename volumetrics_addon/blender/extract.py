@@ -42,6 +42,15 @@ def lights(scene: bpy.types.Scene) -> tuple[tuple[Light, ...], list[str]]:
     return tuple(found), warnings
 
 
+def sun(scene: bpy.types.Scene) -> Sun:
+    """The strongest sun of the scene. Raises ValueError where there is none."""
+    suns = [light for light in lights(scene)[0] if isinstance(light, Sun)]
+    if not suns:
+        raise ValueError(f"{scene.name} has no sun whose light could come through; add a sun light and turn it towards the "
+                         "opening")
+    return max(suns, key=lambda light: max(light.irradiance))
+
+
 def environment(scene: bpy.types.Scene) -> tuple[Color, list[str]]:
     """Radiance of the world where it is one colour; black with a warning where it is not."""
     world = scene.world

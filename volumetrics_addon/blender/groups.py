@@ -57,7 +57,10 @@ def material(family: Group, values: Mapping[str, Any], shape: Shape, name: str,
         for socket in node.outputs:
             if socket.name.startswith(prefix):
                 build.feed(socket_of(output.inputs, socket.name.removeprefix(prefix + " ")), socket)
-    if any(socket.name == "EEVEE Surface" for socket in node.outputs):
+    made = {socket.name for socket in node.outputs}
+    if "EEVEE Surface" in made and "EEVEE Thickness" not in made:
+        result.surface_render_method = "BLENDED"
+    elif "EEVEE Surface" in made:
         result.surface_render_method = "DITHERED"
         result.use_raytrace_refraction = True
         # Through the walls of a shell light goes on in its direction, as through a slab.

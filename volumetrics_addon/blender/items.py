@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -19,13 +19,15 @@ from mathutils import Matrix, Vector
 from ..parameters.families import FAMILIES
 from ..parameters.model import decimal
 from ..plan.model import CYCLES, EEVEE
-from ..plan.rules import is_baked, light_resolution, participation, plan
+from ..plan.rules import eevee_lights, is_baked, light_resolution, participation, plan
 from ..reference import light_grid
 from ..scene import assemble
 from ..scene.bake import voxelized
 from ..scene.body import Body
+from ..scene.families.item import Item
 from ..scene.model import Camera, Scene, Sun, Volume, add
-from . import build, compat, compositing, extract, fields, grid, groups, light, objects, settings
+from . import build, compat, compositing, extract, fields, gobo, grid, groups, light, objects, settings
+from .nodes import socket_factor
 
 KEY = "volumetrics"
 TAG = "volumetrics_item"
@@ -40,15 +42,25 @@ def items(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
     return [collection for collection in scene.collection.children_recursive if KEY in collection]
 
 
-def record(item: bpy.types.Collection) -> dict[str, Any]:
+def record(item: bpy.types.ID) -> dict[str, Any]:
     return json.loads(item[KEY])
+
+
+def holders(scene: bpy.types.Scene) -> list[bpy.types.ID]:
+    """Whatever remembers settings of the scene: the items, and objects of the user's own that are of glass."""
+    return items(scene) + [candidate for candidate in scene.objects if KEY in candidate]
 
 
 def live_node(item: bpy.types.Collection) -> bpy.types.Node | None:
     """The group node whose sockets are the item's live parameters: in its material, or in the compositor."""
     if record(item).get("compositor"):
         return compositing.node_of(record(item)["id"], TAG)
-    for candidate in item.objects:
+    return live_node_of(item.objects)
+
+
+def live_node_of(objects: Iterable[bpy.types.Object]) -> bpy.types.Node | None:
+    """The first group node of ours among the materials of these objects."""
+    for candidate in objects:
         for slot in candidate.material_slots:
             if slot.material is None or slot.material.node_tree is None:
                 continue
@@ -70,7 +82,7 @@ def values_of(item: bpy.types.Collection) -> dict[str, Any]:
             continue
         value = socket.default_value
         if parameter.kind == "float":
-            value = decimal(value)
+            value = decimal(value / socket_factor(parameter))
         elif parameter.kind in ("color", "vector"):
             value = tuple(map(decimal, tuple(value)[:3]))
         values[parameter.name] = value
@@ -88,6 +100,16 @@ def effective(item: bpy.types.Collection) -> list[str]:
         values["realisation"] = "compositor" if mine.get("compositor") else "volume"
     has_effect = family.applies if mine.get("compositor") else family.reacts  # the compositor has no domain that was built
     return [parameter.name for parameter in family.live if has_effect(parameter.name, values)]
+
+
+def notes(item: bpy.types.Collection) -> list[str]:
+    """What an engine does otherwise than the item's parameters say."""
+    values = values_of(item)
+    if record(item)["family"] != "godray" or values["light"] != "projector":
+        return []
+    # Without pictures: panels ask often.
+    plain = assemble.ASSEMBLERS["godray"]({**values, "gobo": "none", "blocker": "none"}, None)
+    return list(filter(None, [eevee_lights(plain.lights)]))
 
 
 def _volume(item: bpy.types.Collection) -> tuple[dict[str, Any], Volume]:
@@ -140,7 +162,7 @@ def bake_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
     for kind in _OWNED:
         for block in set(getattr(bpy.data, kind)) - before[kind]:
             block[TAG] = mine["id"]
-    _free(mine["id"])
+    free(mine["id"])
     item[KEY] = json.dumps(mine | {"values": values})
 
 
@@ -169,13 +191,18 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     for name in ("location", "target"):
         if name in values:
             values[name] = add(values[name], offset)
-    composited = assemble.is_composited(values)
-    if composited:
+    if assemble.is_composited(values):
         compositing.check(scene)
     bounds = scene_bounds(scene) if family == "fog" else None
     item = assemble.ASSEMBLERS[family](values, bounds)
     if is_baked(values):
         item.volumes = tuple(voxelized(compat.as_evaluated(volume), values["resolution"]) for volume in item.volumes)
+    return place_item(scene, family, values, item, label, orders)
+
+
+def place_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], item: Item, label: str,
+               orders: int = 1) -> bpy.types.Collection:
+    """Add what a family has made of checked values to the scene: one object for each domain, all with one material."""
     # The camera is not known here; a planet's ground is seen from about where it passes through the origin.
     eye = (0.0, 0.0, values.get("base_height", 0.0))
     described = Scene(Camera(eye, (0.0, 1.0, 0.0), 1.0), item.lights, volumes=item.volumes,
@@ -184,19 +211,27 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     before = {name: set(getattr(bpy.data, name)) for name in _OWNED}
     collection = bpy.data.collections.new(label)
     scene.collection.children.link(collection)
-    medium = assemble.body(family, values, item.volumes)
-    if composited:
-        return _add_to_compositor(scene, medium, collection, label, orders, before)
-    domain = build.add_body(medium, label, collection)
-    cycles = plan(described, [medium], CYCLES, 1, has_null_scattering=compat.current().volume_biased)
-    build.set_volume_material(domain.material_slots[0].material, *cycles.volume_settings)
+    media = assemble.bodies(family, values, item.volumes)
+    if assemble.is_composited(values):
+        return _add_to_compositor(scene, media[0], collection, label, orders, before)
+    domain = build.add_body(media[0], label, collection)
+    material = domain.material_slots[0].material
+    cycles = plan(described, media, CYCLES, 1, has_null_scattering=compat.current().volume_biased)
+    # The rate counts in shares of each domain: the material takes the shortest steps.
+    build.set_volume_material(material, min(cycles.volume_settings, key=lambda chosen: chosen["volume_step_rate"]))
+    for medium in media[1:]:
+        build.add_body(medium, label, collection, material=material)
+    pattern = None
+    if item.lights and values.get("light") == "projector" and values["gobo"] != "none":
+        pattern = gobo.group(values, item.lights[0], f"{label} gobo", material,
+                             next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup"))
     for source in item.lights:
-        build.add_light(source, f"{label} light", collection, described)
+        build.add_light(source, f"{label} light", collection, described, live=pattern)
     for surface in item.surfaces:
         part = f"{label} {'ground' if family == 'air' else 'blocker'}"
         objects.body(surface.shape, part, objects.surface_material(surface, part), collection, eye)
-    if plan(described, [medium], EEVEE, 1).light_enclosure:
-        build.add_enclosure(described.lights, [medium], f"{label} light enclosure", collection)
+    if plan(described, media, EEVEE, 1).light_enclosure:
+        build.add_enclosure(described.lights, media, f"{label} light enclosure", collection)
 
     identity = _tag(before)
     for part in collection.objects:  # whatever belongs to the item moves with its domain
@@ -281,7 +316,7 @@ def bake_light(scene: bpy.types.Scene, item: bpy.types.Collection, *, samples: i
     node.node_tree = groups.group(FAMILIES[mine["family"]], values, volume.domain, old.name, fields.fields_of(volume, picture))
     for block in (node.node_tree, *(set(bpy.data.images) - before)):
         block[TAG] = mine["id"]
-    _free(mine["id"])
+    free(mine["id"])
     return warnings + more
 
 
@@ -292,8 +327,7 @@ def remove_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
     where a later item builds on it, that item inherits the older value to go back to.
     """
     mine = record(item)
-    others = [other for other in items(scene) if other != item]
-    _restore(scene, mine, others)
+    restore_settings(scene, mine)
     if mine.get("compositor") and (node := live_node(item)):
         compositing.remove(scene, node)
     for guest in item.objects:  # what the user has moved in moves out
@@ -303,10 +337,10 @@ def remove_item(scene: bpy.types.Scene, item: bpy.types.Collection) -> None:
         if guest.name not in scene.collection.children:
             scene.collection.children.link(guest)
     bpy.data.collections.remove(item)
-    _free(mine["id"])
+    free(mine["id"])
 
 
-def _free(identity: str) -> None:
+def free(identity: str) -> None:
     """Remove what was made for an item and is no longer used."""
     for name in _OWNED:
         for block in list(getattr(bpy.data, name)):
@@ -314,7 +348,9 @@ def _free(identity: str) -> None:
                 getattr(bpy.data, name).remove(block)
 
 
-def _restore(scene: bpy.types.Scene, mine: Mapping[str, Any], others: list[bpy.types.Collection]) -> None:
+def restore_settings(scene: bpy.types.Scene, mine: Mapping[str, Any]) -> None:
+    """Bring back what the scene had before the holder with this record; a later holder that builds on it inherits that."""
+    others = [other for other in holders(scene) if record(other)["id"] != mine["id"]]
     going_back = dict(mine["before"])
     for path, applied in mine["applied"].items():
         for other in others:

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..reference.light_grid import LightGrid
 from ..scene.model import Vector, subtract
+from . import images
 from .nodes import Tree, socket_of
 
 
@@ -37,15 +38,11 @@ def picture(light: LightGrid, origin: Vector, name: str) -> Picture:
     nx, ny, nz = light.values.shape[:3]
     columns = math.ceil(math.sqrt(nz * ny / nx))
     rows = math.ceil(nz / columns)
-    pixels = np.zeros((rows, ny, columns, nx, 4), np.float32)
+    pixels = np.zeros((rows, ny, columns, nx, 3), np.float32)
     for k in range(nz):
-        pixels[k // columns, :, k % columns, :, :3] = light.values[:, :, k].transpose(1, 0, 2)
-    pixels[..., 3] = 1.0
-    result = bpy.data.images.new(name, columns * nx, rows * ny, alpha=False, float_buffer=True, is_data=True)
-    result.pixels.foreach_set(pixels.ravel())
-    result.update()
-    result.pack()
-    return Picture(result, (nx, ny, nz), subtract(light.low, origin), light.cell)
+        pixels[k // columns, :, k % columns] = light.values[:, :, k].transpose(1, 0, 2)
+    image = images.packed(pixels.reshape(rows * ny, columns * nx, 3), name)
+    return Picture(image, (nx, ny, nz), subtract(light.low, origin), light.cell)
 
 
 def radiance(build: Tree, picture: Picture) -> bpy.types.NodeSocket:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import bpy
@@ -11,7 +12,7 @@ from ..parameters.model import Parameter
 
 _SOCKETS = {"float": "NodeSocketFloat", "int": "NodeSocketInt", "bool": "NodeSocketBool",
             "color": "NodeSocketColor", "vector": "NodeSocketVector"}
-_SUBTYPES = {"m": "DISTANCE", "m/s": "VELOCITY"}
+_SUBTYPES = {"m": "DISTANCE", "m/s": "VELOCITY", "deg": "ANGLE"}
 
 
 class Tree:
@@ -84,15 +85,22 @@ def add_input(tree: bpy.types.NodeTree, parameter: Parameter) -> None:
             socket.subtype = _SUBTYPES[parameter.unit]
         number = int if parameter.kind == "int" else float
         if parameter.minimum is not None:
-            socket.min_value = number(parameter.minimum)
+            socket.min_value = number(parameter.minimum * socket_factor(parameter))
         if parameter.maximum is not None:
-            socket.max_value = number(parameter.maximum)
+            socket.max_value = number(parameter.maximum * socket_factor(parameter))
     socket.default_value = socket_value(parameter, parameter.default)
 
 
 def socket_value(parameter: Parameter, value: Any) -> Any:
-    """A checked value as a socket takes it: colours get an alpha."""
-    return (*value, 1.0) if parameter.kind == "color" else value
+    """A checked value as a socket takes it: colours get an alpha, angles are in radians."""
+    if parameter.kind == "color":
+        return (*value, 1.0)
+    return value * socket_factor(parameter) if parameter.unit == "deg" else value
+
+
+def socket_factor(parameter: Parameter) -> float:
+    """What a socket holds for one of the declared unit."""
+    return math.radians(1.0) if parameter.unit == "deg" else 1.0
 
 
 def prune(tree: bpy.types.NodeTree) -> None:

@@ -13,15 +13,15 @@ from __future__ import annotations
 import math
 
 import bpy
-import numpy as np
 
 from ..plan.model import CYCLES, EEVEE
 from ..scene.model import Box, Projector, Spot, Vector, add as plus, cross, normalized, scaled
-from . import compat, objects
+from . import compat, gobo, objects
 from .nodes import Tree, arrange, socket_of
 
 MASK_DISTANCE = 0.02  # of the light's reach: beyond EEVEE's nearest shadow caster (see plan.rules.light_threshold)
 CONE_MARGIN = math.radians(0.5)  # by which the spot's cone is wider than the corners of the frustum
+Gobo = bpy.types.Image | bpy.types.NodeTree | None
 CHANNELS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -46,9 +46,13 @@ def is_colored(light: Projector) -> bool:
     return light.gobo is not None and light.gobo.ndim == 3 and bool((light.gobo != light.gobo[..., :1]).any())
 
 
-def add(light: Projector, name: str, collection: bpy.types.Collection, engine: str | None = None, reach: float = 0.0) -> None:
-    """The projector for one engine, or for both where ``engine`` is None. Its mask stands at a share of ``reach`` (m)."""
-    image = picture(light, f"{name} gobo") if light.gobo is not None else None
+def add(light: Projector, name: str, collection: bpy.types.Collection, engine: str | None = None, reach: float = 0.0,
+        live: bpy.types.NodeTree | None = None) -> None:
+    """The projector for one engine, or for both where ``engine`` is None. Its mask stands at a share of ``reach`` (m).
+
+    Its gobo is ``live``, a group of blender.gobo, or else the light's picture.
+    """
+    image = live or (gobo.packed(f"{name} gobo", light.gobo[::-1]) if light.gobo is not None else None)
     apart = engine != CYCLES and is_colored(light)
     powers = [tuple(p * c for p, c in zip(light.power, channel)) for channel in CHANNELS] if apart else [light.power]
     lamps, masks = [], []
@@ -71,19 +75,7 @@ def add(light: Projector, name: str, collection: bpy.types.Collection, engine: s
             lamp.light_linking.blocker_collection = others
 
 
-def picture(light: Projector, name: str) -> bpy.types.Image:
-    """The gobo as a linear image packed into the file."""
-    gobo = light.gobo if light.gobo.ndim == 3 else np.repeat(light.gobo[..., None], 3, axis=2)
-    pixels = np.ones((*gobo.shape[:2], 4), np.float32)
-    pixels[..., :3] = gobo[::-1]
-    result = bpy.data.images.new(name, gobo.shape[1], gobo.shape[0], alpha=False, float_buffer=True, is_data=True)
-    result.pixels.foreach_set(pixels.ravel())
-    result.update()
-    result.pack()
-    return result
-
-
-def transmission(build: Tree, light: Projector, image: bpy.types.Image | None, direction: bpy.types.NodeSocket) -> tuple:
+def transmission(build: Tree, light: Projector, image: Gobo, direction: bpy.types.NodeSocket) -> tuple:
     """The frustum's soft edge (a number), and the gobo's colour or None, along a direction in the light's frame."""
     wide, high = slopes(light)
     x, y, z = build.components(direction)
@@ -101,12 +93,15 @@ def transmission(build: Tree, light: Projector, image: bpy.types.Image | None, d
         edge = build.math("LESS_THAN", radius, 1.0)
     if image is None:
         return edge, None
+    if isinstance(image, bpy.types.NodeTree):
+        node = build.node("ShaderNodeGroup", {0: build.combine(build.math("MULTIPLY", u, wide / high), v, 0.0)}, node_tree=image)
+        return edge, node.outputs[0]
     place = build.combine(build.math("MULTIPLY_ADD", u, 0.5, 0.5), build.math("MULTIPLY_ADD", v, 0.5, 0.5), 0.0)
     node = build.node("ShaderNodeTexImage", {"Vector": place}, image=image, interpolation="Linear", extension="EXTEND")
     return edge, socket_of(node.outputs, "Color")
 
 
-def _light_nodes(data: bpy.types.Light, light: Projector, image: bpy.types.Image | None) -> None:
+def _light_nodes(data: bpy.types.Light, light: Projector, image: Gobo) -> None:
     tree = compat.use_nodes(data)
     tree.nodes.clear()
     build = Tree(tree)
@@ -127,7 +122,7 @@ def _light_nodes(data: bpy.types.Light, light: Projector, image: bpy.types.Image
     arrange(tree)
 
 
-def _mask(light: Projector, image: bpy.types.Image | None, channel: int, name: str, collection: bpy.types.Collection,
+def _mask(light: Projector, image: Gobo, channel: int, name: str, collection: bpy.types.Collection,
           reach: float) -> bpy.types.Object:
     """A plane before the light that lets through the mask in EEVEE's shadows; Cycles sees it as clear."""
     distance = max(MASK_DISTANCE * reach, 1e-3)

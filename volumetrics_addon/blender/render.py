@@ -25,7 +25,7 @@ from ..plan.rules import plan as make_plan
 from ..reference import light_grid
 from ..reference.light_grid import LightGrid
 from ..scene import assemble
-from ..scene.assemble import body
+from ..scene.assemble import bodies
 from ..scene.body import Body
 from ..scene.channels import CHANNELS, channel, channel_body
 from ..scene.model import Scene
@@ -158,7 +158,7 @@ def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, s
 
     Raises RenderError when the engine writes no image.
     """
-    rendered = render_scene(scene, [body(preset.family, preset.parameters, scene.volumes)], preset.label, engine, width, height,
+    rendered = render_scene(scene, bodies(preset.family, preset.parameters, scene.volumes), preset.label, engine, width, height,
                             samples, seed=seed, repeats=repeats, quiet=quiet, progress=progress)
     if engine == CYCLES and preset.parameters.get("representation") == "automatic":
         shaped = assemble.scene(preset.family, preset.parameters, preset.stage, preset.props)

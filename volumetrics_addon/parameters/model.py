@@ -8,11 +8,12 @@ derived from these declarations. Standard library only: enabling the add-on impo
 from __future__ import annotations
 
 import math
+import os
 import unicodedata
 from dataclasses import dataclass
 from typing import Any, Mapping
 
-KINDS = ("float", "int", "bool", "choice", "color", "vector", "text")
+KINDS = ("float", "int", "bool", "choice", "color", "vector", "text", "path")
 
 
 class ParameterError(ValueError):
@@ -40,7 +41,8 @@ class Parameter:
     ``minimum`` and ``maximum`` are hard limits (refused beyond), ``soft_minimum`` and ``soft_maximum`` the
     range of a slider. ``live`` parameters become sockets of the node group and react at once; the others are
     fixed when the tree is built. Angles are declared, stored and shown in degrees and become radians in the
-    Scene. ``color`` and ``vector`` are triples, their limits hold per component.
+    Scene. ``color`` and ``vector`` are triples, their limits hold per component. A ``path`` names a file, empty none: in a
+    preset relative to the preset's folder, on the command line to the working directory.
     """
 
     name: str
@@ -83,7 +85,7 @@ class Parameter:
             return "one of " + ", ".join(repr(name) for name, _ in self.choices)
         if self.kind == "bool":
             return "true or false"
-        if self.kind == "text":
+        if self.kind in ("text", "path"):
             return f"one line of at most {self.maximum:g} characters"
         low = "" if self.minimum is None else f"{'>' if self.exclusive_minimum else '>='} {self.minimum:g}"
         high = "" if self.maximum is None else f"<= {self.maximum:g}"
@@ -107,7 +109,7 @@ class Parameter:
                 if value not in names:
                     self._refuse(value, "choose one of these")
                 return value
-            case "text":
+            case "text" | "path":
                 if not isinstance(value, str):
                     self._refuse(value, "write it in quotes")
                 if len(value) > self.maximum:
@@ -134,6 +136,8 @@ class Parameter:
                     return self.check({"true": True, "false": False}.get(text.lower(), text))
                 case "int":
                     return self.check(int(text))
+                case "path":
+                    return self.check(os.path.abspath(text) if text else text)
                 case "float":
                     return self.check(float(text))
                 case "color" | "vector":

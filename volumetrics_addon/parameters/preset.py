@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -114,6 +115,9 @@ def parse(data: bytes, path: Path) -> Preset:
         raise PresetError(f"{path}: family = {shown(family)} is not known; choose one of {', '.join(FAMILIES)}")
 
     parameters = _table(path, "parameters", FAMILIES[family], document.pop("parameters", {}))
+    for parameter in FAMILIES[family].parameters:
+        if parameter.kind == "path" and parameters[parameter.name]:
+            parameters[parameter.name] = os.path.join(path.absolute().parent, parameters[parameter.name])
     stage = _table(path, "stage", STAGE, document.pop("stage", {}))
     props = document.pop("props", [])
     if not isinstance(props, list):

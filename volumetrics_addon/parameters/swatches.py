@@ -47,7 +47,7 @@ SWATCHES: dict[str, Swatch] = {
     "amber": _from_color("Amber bottle", (0.72, 0.30, 0.04), 0.003),
     "cobalt": _from_color("Cobalt blue", (0.05, 0.14, 0.70), 0.003),
     "ruby": _from_color("Ruby", (0.70, 0.03, 0.025), 0.003),
-    "water": Swatch("Pure water", (0.2644, 0.0565, 0.0101),
+    "water": Swatch("Pure water", (0.2644, 0.0565, 0.01011),
                     "R. M. Pope and E. S. Fry, Appl. Opt. 36, 8710-8723 (1997)"),
     "sea_water": Swatch("Sea water, Jerlov III", (0.327, 0.120, 0.124),
                         "attenuation of downward irradiance, oceanic type III: N. G. Jerlov, Marine Optics (1976), table XXVII; "

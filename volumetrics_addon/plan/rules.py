@@ -16,8 +16,8 @@ from typing import Any
 from ..scene.body import Body
 from ..scene.channels import mixes
 from ..scene.model import (
-    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, NoiseShape, Scene, Shape, Sun,
-    Vector, Volume,
+    Box, Cone, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light, NoiseShape, Projector,
+    Scene, Shape, Sun, Vector, Volume,
 )
 from .model import CYCLES, EEVEE, Plan
 
@@ -179,7 +179,8 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
         result.decide("octaves", f"{scene.engine_orders} scattering events instead of {scene.orders}",
                       "the media's octaves stand for the orders beyond: measured bias up to 2 % where clouds are thin or small, "
                       "-11 % to -17 % where their optical depth is above 10")
-    result.decide("bounces", f"volume and diffuse bounces {bounces}, glass bounces {glass}",
+    diffuse = max(bounces, glass)  # beside panes the reference follows all of them
+    result.decide("bounces", f"volume bounces {bounces}, diffuse bounces {diffuse}, glass bounces {glass}",
                   f"the scene follows {scene.engine_orders} order(s) of scattering")
     result.settings.update({
         "cycles.device": "CPU",
@@ -202,7 +203,7 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
         "cycles.use_guiding": False,
         "cycles.max_bounces": max(bounces, glass),
         "cycles.volume_bounces": bounces,
-        "cycles.diffuse_bounces": bounces,
+        "cycles.diffuse_bounces": diffuse,
         "cycles.glossy_bounces": glass,
         "cycles.transmission_bounces": glass,
         "cycles.transparent_max_bounces": 128,
@@ -250,6 +251,8 @@ def _step(volume: Volume) -> float:
             if density.billow_octaves > 0 and density.billow_strength != 0.0:
                 size = min(size, density.billow_size)
             return min(MARCHING_STEP * size * min(1.0, density.softness), NOISE_DEPTH / max(max(volume.medium.sigma_t), 1e-300))
+        case Dust() as density:
+            return min(MARCHING_STEP * density.size, NOISE_DEPTH / max(max(volume.medium.sigma_t) * density.largest, 1e-300))
         case Grid() as density:
             thickest = max(volume.medium.sigma_t) * float(density.values.max())
             return min(MARCHING_STEP * VOXELS_PER_FEATURE * _voxel(density), THICKEST_STEP / max(thickest, 1e-300))
@@ -343,6 +346,14 @@ def compositor_loss_allowed(engine: str) -> float:
     more, since it does not dim the light on its way to what stands in the fog.
     """
     return {CYCLES: 0.002, EEVEE: 0.05}[engine]
+
+
+def eevee_lights(lights: Sequence[Light]) -> str:
+    """What EEVEE cannot do of these lights; empty where it can do all."""
+    if any(isinstance(light, Projector) and (light.falloff != 2 or light.near > 0.0 or math.isfinite(light.far))
+           for light in lights):
+        return "EEVEE's lights fall off with the square of the distance and have no near or far end"
+    return ""
 
 
 def light_resolution(volume: Volume, values: Mapping[str, Any]) -> int:

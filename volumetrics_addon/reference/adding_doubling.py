@@ -48,6 +48,8 @@ def applies(scene: Scene) -> str:
     box = volume.domain
     if not isinstance(box, Box) or abs(box.axes[2][2]) < 1.0 - 1e-9:
         return "the volume is not a level box"
+    if volume.medium.glows:
+        return "the medium has ambient light"
     if not isinstance(volume.medium.density, Homogeneous):
         return "the density varies"
     if not 0.0 < FLATNESS * box.half[2] <= min(box.half[:2]):

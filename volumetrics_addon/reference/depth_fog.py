@@ -119,7 +119,7 @@ def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: i
 
 
 @lru_cache(maxsize=64)
-def loss(scene: Scene, size: int = 12, strata: int = 1) -> float:
+def loss(scene: Scene, size: int = 32, strata: int = 2) -> float:
     """Bound on the share of the picture's mean that the closed form misses: by ``size``^2 pixels of both, their noise added.
 
     Infinite where the integrator does not apply.

@@ -116,10 +116,9 @@ def glow(scene: Scene, position: Array, direction: Array) -> tuple[Array, Array]
     """Source S (n, 3) and extinction (n, 3) of the media at positions (n, 3), seen along ``direction``."""
     value = np.zeros((len(position), 3))
     epsilon = 1e-7 * optics.scale_of(scene)
-    uniform = np.array(scene.environment) + optics.ambient_radiance(scene)
     for volume in scene.volumes:
         rows = np.flatnonzero(geometry.contains(volume.domain, position))
-        arriving = np.tile(uniform, (len(rows), 1))
+        arriving = np.tile(np.add(scene.environment, volume.medium.ambient), (len(rows), 1))
         for light in scene.lights:
             toward, distance, irradiance = optics.arriving(light, position[rows])
             cosine = np.clip(np.einsum("ni,ni->n", toward, direction[rows]), -1.0, 1.0)

@@ -42,6 +42,8 @@ def applies(scene: Scene) -> str:
     """Empty when the integrator can render the scene, otherwise the reason why not."""
     if reason := marching.applies(scene):
         return reason
+    if reason := marching.glowing(scene):
+        return reason
     if not scene.volumes:
         return ""
     if any(isinstance(volume.medium.density, ExponentialAltitude) for volume in scene.volumes):

@@ -41,9 +41,7 @@ def applies(scene: Scene) -> str:
     for light in scene.lights:
         if not isinstance(light, (Spot, Projector)):
             return f"a {type(light).__name__} light has no frustum to slice"
-        if isinstance(light, Projector) and max(light.ambient) > 0.0:
-            return "a projector's ambient light reaches beyond its frustum"
-    return ""
+    return marching.glowing(scene)
 
 
 def render(scene: Scene, width: int, height: int, *, repeats: int = 8, strata: int = 2, slices: int = 32,

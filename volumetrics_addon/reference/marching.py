@@ -61,6 +61,11 @@ def applies(scene: Scene) -> str:
     return ""
 
 
+def glowing(scene: Scene) -> str:
+    """Why a technique that gathers light for light cannot render the scene: its media have ambient light. Empty otherwise."""
+    return "a medium has ambient light, which no light casts" if any(v.medium.glows for v in scene.volumes) else ""
+
+
 def refuse(name: str, reason: str) -> None:
     """Raises ValueError when ``reason``, from ``applies``, is not empty."""
     if reason:
@@ -174,15 +179,14 @@ def phase_of_octave(phase: AnyPhase, cosine: Array, factor: float) -> Array:
 
 def source(scene: Scene, position: Array, direction: Array, light_steps: int,
            octaves: Octaves = SINGLE) -> tuple[Array, Array]:
-    """Source (n, 3) of all lights, projectors' ambient light included, and extinction (n, 3) at positions (n, 3)."""
+    """Source (n, 3) of all lights, the media's ambient light included, and extinction (n, 3) at positions (n, 3)."""
     depth = partial(optical_depth, scene, steps=light_steps)
     value = np.zeros((len(position), 3))
     for light in scene.lights:
         value += scattered_toward(scene, light, position, direction, depth, octaves)
-    ambient = optics.ambient_radiance(scene)
-    if ambient.any():
+    if any(volume.medium.glows for volume in scene.volumes):
         for volume, rows, density in _densities(scene, position):
-            value[rows] += np.array(volume.medium.sigma_s) * ambient * density[:, None]
+            value[rows] += np.array(volume.medium.sigma_s) * np.array(volume.medium.ambient) * density[:, None]
     return value, extinction(scene, position)
 
 

@@ -10,8 +10,8 @@ from ..physics import phase as phase_functions
 from ..physics.transmittance import height_optical_depth
 from ..scene import geometry, noise
 from ..scene.model import (
-    AnyPhase, ExponentialAltitude, ExponentialHeight, Grid, Hull, MiePhase, NoiseShape, Projector, RayleighPhase, Scene, Spot, Sun,
-    Volume,
+    AnyPhase, Dust, ExponentialAltitude, ExponentialHeight, Grid, Hull, MiePhase, NoiseShape, Projector, RayleighPhase, Scene,
+    Spot, Sun, Volume,
 )
 
 Array = np.ndarray
@@ -46,7 +46,7 @@ def phase_value(phase: AnyPhase, cos_theta: Array) -> Array:
 
 def is_closed_form(volume: Volume) -> bool:
     """Whether the density's integral along a ray is known to rounding, without sampling."""
-    return not isinstance(volume.medium.density, NoiseShape)
+    return not isinstance(volume.medium.density, (NoiseShape, Dust))
 
 
 def density_at(volume: Volume, position: Array) -> Array:
@@ -59,6 +59,8 @@ def density_at(volume: Volume, position: Array) -> Array:
             return density_of_altitude(radius - density.radius, density.scale_height)
         case NoiseShape() as density:
             return noise.density(density, position)
+        case Dust() as density:
+            return noise.dust_density(density, position)
         case Grid() as density:
             return grid.grid_density(density.values, density.low, density.high, position)
     return np.ones(len(position))
@@ -81,8 +83,8 @@ def density_depth(volume: Volume, origin: Array, direction: Array, limit: Array 
         near, far = geometry.interval(volume.cavity, origin, direction)
         length = length - np.maximum(np.minimum(far, limit) - np.maximum(near, 0.0), 0.0)
     density = volume.medium.density
-    if isinstance(density, NoiseShape):
-        raise ValueError("the optical depth of noise has no closed form, got a NoiseShape; sample it, or march it")
+    if isinstance(density, (NoiseShape, Dust)):
+        raise ValueError(f"the optical depth of noise has no closed form, got a {type(density).__name__}; sample it, or march it")
     if isinstance(density, (ExponentialHeight, ExponentialAltitude, Grid)):
         start = origin + np.where(length > 0.0, near, 0.0)[:, None] * direction
     match density:
@@ -149,11 +151,6 @@ def frustum_of(light: Projector) -> dict:
     return {"light_position": light.position, "up": light.up, "horizontal_fov": light.horizontal_fov,
             "vertical_fov": light.vertical_fov, "near": light.near, "far": light.far, "blend": light.blend,
             "elliptic": light.elliptic}
-
-
-def ambient_radiance(scene: Scene) -> Array:
-    """Radiance (3,) that reaches every point of the media from all sides, unshadowed and undimmed: projectors' ambient term."""
-    return np.sum([light.ambient for light in scene.lights if isinstance(light, Projector)] or [(0.0, 0.0, 0.0)], axis=0)
 
 
 def uniform_hemisphere_cosine(normal: Array, rng: np.random.Generator) -> Array:

@@ -17,7 +17,7 @@ from ..scene import noise
 from ..scene.compilation import forget_stale_kernels
 from ..scene.model import Camera, look_frame
 from .path_scene import (
-    ALBEDO, ALTITUDE, APEX, AXES, AXIS, BOX, CELLS, CENTER, COLOR, COS2, DARK, DENSITY, ELLIPSOID, EMISSION, ENVIRONMENT,
+    ALBEDO, ALTITUDE, APEX, AXES, AXIS, BOX, CELLS, CENTER, COLOR, COS2, DARK, DENSITY, DUST, ELLIPSOID, EMISSION, ENVIRONMENT,
     EPSILON, FULL, HALF, HEIGHT, HOMOGENEOUS, LAYER, LENGTH, LIGHT, LIGHTS, LOW, MEAN, MIE, NOISE, PARAMETERS, PHASE,
     POSITION, RAYLEIGH, ROULETTE_START, ROULETTE_THRESHOLD, SIGMA_S, SIGMA_T, SIZE, SUN, SURFACE, SURFACES, TOWARD,
     VOLUME, VOLUMES, VOXELS,
@@ -31,7 +31,7 @@ CHUNKS = 64  # work items of a parallel loop; the pixels are dealt out to them i
 forget_stale_kernels(__file__)
 # Infinities mark what is not hit, so that fast-math may not assume them away.
 compiled = numba.njit(fastmath={"contract", "arcp", "nsz", "afn", "reassoc"}, error_model="numpy", cache=True)
-_noise, _, _noise_density = noise.implementation(compiled)
+_noise, _, _noise_density, _dust_density = noise.implementation(compiled)
 
 
 # --- vectors and random numbers ------------------------------------------------------------------------------
@@ -227,6 +227,8 @@ def density(scene, v, p):
         return math.exp(-(math.sqrt(dot(offset, offset)) - scene[at + 1]) / scene[at])
     if kind == NOISE:
         return _noise_density(scene, at, p[0], p[1], p[2])
+    if kind == DUST:
+        return _dust_density(scene, at, p[0], p[1], p[2])
     return voxel_density(scene, v, p)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..physics.phase import mie_fit_parameters
 from ..scene import geometry, noise
 from ..scene.model import (
-    Box, Cone, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, MiePhase, NoiseShape, Phase, Point,
+    Box, Cone, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, MiePhase, NoiseShape, Phase, Point,
     Projector, RayleighPhase, Scene, Shape, Sun, Volume,
 )
 from . import optics
@@ -20,7 +20,7 @@ from . import optics
 Array = np.ndarray
 
 BOX, ELLIPSOID, CONE = range(3)
-HOMOGENEOUS, HEIGHT, ALTITUDE, NOISE, GRID = range(5)
+HOMOGENEOUS, HEIGHT, ALTITUDE, NOISE, GRID, DUST = range(6)
 TWO_LOBES, RAYLEIGH, MIE = range(3)
 
 # Of both twins: from this order of scattering on, paths below this weight end by chance.
@@ -49,7 +49,11 @@ SUN, POSITION, TOWARD, COLOR, DARK, FULL, LIGHT = 0, 1, 4, 7, 10, 11, 12
 
 def unsupported(scene: Scene) -> str:
     """Empty when the compiled path tracer can render the scene, otherwise the reason why not."""
-    return "it has a projector" if any(isinstance(light, Projector) for light in scene.lights) else ""
+    if any(isinstance(light, Projector) for light in scene.lights):
+        return "it has a projector"
+    if any(isinstance(volume.domain, Hull) for volume in scene.volumes):
+        return "a medium fills a polyhedron"
+    return "a medium has ambient light" if any(volume.medium.glows for volume in scene.volumes) else ""
 
 
 def flatten(scene: Scene) -> Array:
@@ -107,6 +111,8 @@ def _density(volume: Volume) -> tuple:
             return ALTITUDE, scale_height, radius, *center
         case NoiseShape() as shape:
             return NOISE, *noise.numbers(shape)
+        case Dust() as dust:
+            return DUST, *noise.dust_numbers(dust)
         case Grid() as density:
             return GRID, *density.low, *density.high
     raise TypeError(f"{volume.medium.density!r} is not a density of the Scene")
@@ -129,6 +135,8 @@ def bounding_box(shape: Shape) -> tuple[Array, Array]:
         end = apex + shape.length * axis
         radius = shape.length * np.tan(shape.half_angle) * np.sqrt(np.maximum(0.0, 1.0 - axis**2))
         return np.minimum(apex, end - radius), np.maximum(apex, end + radius)
+    if isinstance(shape, Hull):
+        return np.min(shape.corners, axis=0), np.max(shape.corners, axis=0)
     axes = np.array(shape.axes) * np.array(shape.half)[:, None]
     reach = np.linalg.norm(axes, axis=0) if isinstance(shape, Ellipsoid) else np.abs(axes).sum(axis=0)
     return np.array(shape.center) - reach, np.array(shape.center) + reach
@@ -149,6 +157,8 @@ def _majorants(volume: Volume) -> tuple[Array, Array, Array]:
             return _noise_bounds(density, low, extent, counts), low, extent / counts
         case Grid():
             return _grid_bounds(density, low, extent, counts), low, extent / counts
+        case Dust():
+            return np.full((1, 1, 1), density.largest), low, extent
         case ExponentialHeight() | ExponentialAltitude():
             # One number stands for the mean; the layers' bounds follow from the formula.
             position = low + extent * np.random.default_rng(0).random((256, 3))

@@ -24,7 +24,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..scene import geometry
-from ..scene.model import ExponentialAltitude, ExponentialHeight, Grid, Hull, Projector, Scene, Spot, Sun, Volume
+from ..scene.model import Dust, ExponentialAltitude, ExponentialHeight, Grid, Scene, Spot, Sun, Volume
 from . import optics, path_scene
 from .path_scene import ROULETTE_START, ROULETTE_THRESHOLD
 from .result import Accumulator, Progress, Result, subpixels
@@ -42,8 +42,6 @@ BATCH_SECONDS = 0.25  # of compiled work between two looks at progress and inter
 
 def applies(scene: Scene) -> str:
     """Empty when the integrator can render the scene, otherwise the reason why not."""
-    if any(isinstance(volume.domain, Hull) for volume in scene.volumes):
-        return "a medium of the scene fills a polyhedron"
     return "the scene refracts" if scene.is_dielectric else ""
 
 
@@ -149,6 +147,8 @@ def majorant(volume: Volume) -> float:
             largest = np.exp(-max(0.0, lowest - density.radius) / density.scale_height)
         case Grid():
             largest = float(np.max(density.values, initial=0.0))
+        case Dust():
+            largest = density.largest
     return max(volume.medium.sigma_t) * largest
 
 
@@ -196,6 +196,8 @@ def radiance(scene: Scene, origin: Array, direction: Array, rng: np.random.Gener
         for i, medium_volume in enumerate(scene.volumes):
             rows = np.flatnonzero(volume == i)
             if len(rows) and medium_volume.medium.scatters:
+                if order == 0:
+                    np.add.at(value, paths.pixel[rows], paths.weight(rows) * np.array(medium_volume.medium.ambient))
                 _scatter_in_medium(scene, medium_volume, segment, distance[rows], paths, rows, value, rng, epsilon)
                 alive[rows] = True
         for i, body in enumerate(scene.surfaces):
@@ -379,8 +381,6 @@ def _scatter_in_medium(scene: Scene, volume: Volume, segment: _Segment, distance
             factor = factor * np.where(angular > 0.0, free / np.where(angular > 0.0, free + angular, 1.0), 1.0)
         _next_event(scene, position, toward, reach, weight * irradiance * factor[:, None], paths.pixel[rows], value, rng,
                     epsilon)
-        if isinstance(light, Projector):
-            np.add.at(value, paths.pixel[rows], weight * np.array(light.ambient))
     paths.direction[rows] = optics.sample_phase(volume.medium.phase, direction, rng)
 
 

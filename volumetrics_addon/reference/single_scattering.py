@@ -100,7 +100,7 @@ def radiance(scene: Scene, origin: Array, direction: Array, rng: np.random.Gener
     if scene.surfaces or max(scene.environment) > 0.0:
         behind = surface_radiance(scene, origin, direction, hit, index, rng, epsilon)
         value += behind * np.exp(-optics.optical_depth(scene, origin, direction, hit))
-    if optics.ambient_radiance(scene).any():
+    if any(volume.medium.glows for volume in scene.volumes):
         value += _ambient_scattering(scene, origin, direction, hit, order)
     if max(scene.environment) > 0.0:
         value += environment_scattering(scene, origin, direction, hit, rng, epsilon)
@@ -262,11 +262,12 @@ def _pieces(volume, origin: Array, direction: Array, low: Array, high: Array) ->
 
 
 def _ambient_scattering(scene: Scene, origin: Array, direction: Array, hit: Array, order: int) -> Array:
-    """Radiance (n, 3) that the media scatter out of the projectors' ambient term: integral of sigma_s rho L_a T(t) dt."""
+    """Radiance (n, 3) that the media scatter out of their ambient light: integral of sigma_s rho L_a T(t) dt."""
     value = np.zeros((len(direction), 3))
-    ambient = optics.ambient_radiance(scene)
     nodes, weights = gauss_legendre(order)
     for volume in scene.volumes:
+        if not volume.medium.glows:
+            continue
         near, far = geometry.interval(volume.domain, origin, direction)
         near, far = np.maximum(near, 0.0), np.minimum(far, hit)
         ray = np.flatnonzero(near < far)
@@ -280,7 +281,7 @@ def _ambient_scattering(scene: Scene, origin: Array, direction: Array, hit: Arra
             t = (low + high) / 2.0 + node * half
             rho = optics.density_at(volume, origin[ray] + t[:, None] * direction[ray])
             reaching = np.exp(-optics.optical_depth(scene, origin[ray], direction[ray], t)) * (weight * half * rho)[:, None]
-            np.add.at(value, ray, reaching * np.array(volume.medium.sigma_s) * ambient)
+            np.add.at(value, ray, reaching * np.array(volume.medium.sigma_s) * np.array(volume.medium.ambient))
     return value
 
 

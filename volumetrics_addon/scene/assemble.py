@@ -12,7 +12,9 @@ from ..parameters.fog import DEPTH_FOGS
 from .body import Body
 from .families import ASSEMBLERS, air, fog, glass
 from .families.item import Bounds
-from .model import Box, Camera, DepthFog, Ellipsoid, Light, Scene, Sun, Surface, Vector, Volume, normalized, scaled, subtract, turned
+from .model import (
+    Box, Camera, DepthFog, Ellipsoid, Light, Scene, Shape, Sun, Surface, Vector, Volume, normalized, scaled, subtract, turned,
+)
 
 
 def body(family: str, values: Mapping[str, Any], volumes: Iterable[Volume]) -> Body:
@@ -35,6 +37,16 @@ def is_composited(values: Mapping[str, Any]) -> bool:
 def depth_fog(family: str, values: Mapping[str, Any]) -> DepthFog:
     """How the compositor makes the family's medium. Raises ValueError where the values contradict one another."""
     return fog.depth_fog(values) if family == "fog" else DepthFog()
+
+
+def bodies(family: str, values: Mapping[str, Any], volumes: Iterable[Volume]) -> list[Body]:
+    """The bodies of a family: one for each domain; a depth fog is one without."""
+    if family == "fog" and values["profile"] in DEPTH_FOGS:
+        return [body(family, values, volumes)]
+    by_domain: dict[Shape, list[Volume]] = {}
+    for volume in volumes:
+        by_domain.setdefault(volume.domain, []).append(volume)
+    return [body(family, values, together) for together in by_domain.values()]
 
 
 def prop(values: Mapping[str, Any]) -> Surface:

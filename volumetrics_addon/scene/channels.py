@@ -41,7 +41,8 @@ def _grey(color: Color, index: int) -> Color:
 
 def _volume(volume: Volume, index: int) -> Volume:
     medium = volume.medium
-    return replace(volume, medium=replace(medium, sigma_s=_grey(medium.sigma_s, index), sigma_a=_grey(medium.sigma_a, index)))
+    colors = {name: _grey(getattr(medium, name), index) for name in ("sigma_s", "sigma_a", "ambient")}
+    return replace(volume, medium=replace(medium, **colors))
 
 
 def _light(light: Light, index: int) -> Light:
@@ -49,7 +50,7 @@ def _light(light: Light, index: int) -> Light:
         case Sun():
             return replace(light, irradiance=_grey(light.irradiance, index))
         case Projector():
-            return replace(light, power=_grey(light.power, index), ambient=_grey(light.ambient, index), gobo=_plane(light.gobo, index))
+            return replace(light, power=_grey(light.power, index), gobo=_plane(light.gobo, index))
     return replace(light, power=_grey(light.power, index))
 
 

@@ -110,13 +110,14 @@ def _depth_fog(values: Mapping[str, Any], sigma: float) -> Iterable[Quantity]:
 
 def _glass(values: Mapping[str, Any]) -> Iterable[Quantity]:
     sigma = glass.absorption(values)
-    thinnest = min(values["size"])
     yield Quantity("Absorption", sigma, "1/m")
     yield Quantity("Depth of 1/e", tuple(map(_inverse, sigma)), "m")
     if values["shape"] == "shell":
         yield Quantity("Transmittance, two walls", _decay(scaled(sigma, 2.0 * values["thickness"])))
+    elif values["shape"] == "sheet":
+        yield Quantity("Transmittance face on", _decay(scaled(sigma, values["thickness"])))
     else:
-        yield Quantity("Transmittance, thinnest way", _decay(scaled(sigma, thinnest)))
+        yield Quantity("Transmittance, thinnest way", _decay(scaled(sigma, min(values["size"]))))
     if values["refraction"]:
         yield Quantity("Reflectance face on", ((values["ior"] - 1.0) / (values["ior"] + 1.0)) ** 2)
 

@@ -15,8 +15,8 @@ from .assemble import body
 from .body import Body
 from .families.air import PER_KILOMETRE
 from .model import (
-    Box, Camera, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase,
-    Projector, RayleighPhase, Scene, Volume,
+    Box, Camera, Cover, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Medium, MiePhase, NoiseShape, Phase,
+    RayleighPhase, Scene, Volume,
 )
 
 GREY = 1e-9  # relative difference of the extinction between channels that counts as none
@@ -25,7 +25,9 @@ GREY = 1e-9  # relative difference of the extinction between channels that count
 def describe(volume: Volume) -> tuple[str, dict[str, Any]]:
     """Family and values of a volume. Raises ValueError when no family can express it."""
     medium = volume.medium
-    if volume.boundary is not None or (not medium.scatters and isinstance(medium.density, Homogeneous)):
+    if medium.glows or isinstance(medium.density, Dust):
+        return "godray", _values("godray", _haze(medium))
+    if volume.has_surface or (not medium.scatters and isinstance(medium.density, Homogeneous)):
         return "glass", _values("glass", _glass(volume))
     if not isinstance(medium.phase, (Phase, MiePhase)):
         raise ValueError(f"the phase function {medium.phase} has no nodes in every engine; use water droplets or one or two "
@@ -43,9 +45,6 @@ def describe(volume: Volume) -> tuple[str, dict[str, Any]]:
 
 def describe_scene(scene: Scene) -> list[Body]:
     """What the engines have to show. Raises ValueError with the reason when they cannot show the scene."""
-    for light in scene.lights:
-        if isinstance(light, Projector) and max(light.ambient) > 0.0:
-            raise ValueError(f"the engines' lights have no ambient term, got {light.ambient}; set it to 0")
     layers = _fog_layers(scene.volumes)
     air = [volume for volume in scene.volumes if isinstance(volume.medium.density, ExponentialAltitude)]
     bodies = [body(*describe(volume), (volume,)) for volume in scene.volumes if volume not in air and volume not in sum(layers, ())]
@@ -132,6 +131,18 @@ def _scattering(medium: Medium) -> dict[str, Any]:
             **({"g": medium.phase.g0} if isinstance(medium.phase, Phase) else {})}
 
 
+def _haze(medium: Medium) -> dict[str, Any]:
+    if not isinstance(medium.density, (Homogeneous, Dust)) or not isinstance(medium.phase, Phase) or medium.phase.weight > 0.0:
+        raise ValueError(f"ambient light is that of haze with one HG lobe, homogeneous or dusty, got {medium}; set it to 0")
+    values, strongest = _scattering(medium), max(medium.ambient)
+    if strongest > 0.0:
+        values |= {"ambient": strongest, "ambient_color": tuple(a / strongest for a in medium.ambient)}
+    if isinstance(medium.density, Dust):
+        dust = medium.density
+        values |= {"dust_strength": dust.strength, "dust_size": dust.size, "dust_seed": dust.seed, "dust_drift": dust.drift, "dust_time": 1.0}
+    return values
+
+
 def _glass(volume: Volume) -> dict[str, Any]:
     if not isinstance(volume.medium.density, Homogeneous) or not isinstance(volume.domain, (Box, Ellipsoid)):
         raise ValueError("an absorbing body must be a homogeneous box or ellipsoid, "
@@ -143,12 +154,22 @@ def _glass(volume: Volume) -> dict[str, Any]:
         if max(walls) - min(walls) > GREY * max(volume.domain.half):
             raise ValueError(f"the wall of a hollow body must be equally thick along its axes, got {walls} m")
         shape, hollow = "shell", {"thickness": walls[0]}
+    if volume.sheet is not None:
+        shape, hollow = "sheet", {"thickness": volume.sheet.thickness, **_cover(volume.sheet.cover)}
     # The distance at which the strongest absorption leaves 1/e keeps every colour well inside its limits.
     strongest = max(volume.medium.sigma_a)
     distance = 1.0 / strongest if strongest > 0.0 else 1.0
     return {"shape": shape, **hollow, "distance": distance,
             "color": tuple(math.exp(-s * distance) for s in volume.medium.sigma_a),
             "refraction": boundary is not None, "ior": boundary.ior if boundary else 1.0}
+
+
+def _cover(cover: Cover | None) -> dict[str, Any]:
+    if cover is None:
+        return {}
+    return {"coverage_pattern": cover.pattern, "coverage": cover.coverage, "coverage_color": cover.albedo,
+            "coverage_size": cover.size, "coverage_softness": cover.softness, "color_variation": cover.variation,
+            "coverage_seed": cover.seed}
 
 
 def _cloud(volume: Volume) -> dict[str, Any]:

@@ -184,6 +184,25 @@ class NoiseShape:
 
 
 @dataclass(frozen=True)
+class Dust:
+    """Drifting haze: density max(0, 1 + strength (2 n - 1)), with n the normalised fractal noise in [0, 1].
+
+    It is taken at (p - drift) / size + offset(seed).
+    Its mean is near 1 while strength <= 1; a larger one leaves clear air between the swathes.
+    """
+
+    strength: float
+    size: float
+    seed: int = 0
+    drift: Vector = (0.0, 0.0, 0.0)
+
+    @property
+    def largest(self) -> float:
+        """Bound of the density."""
+        return 1.0 + self.strength
+
+
+@dataclass(frozen=True)
 class ExponentialAltitude:
     """Density exp(-(|p - center| - radius) / scale_height): a planet's atmosphere, 1 at the ground."""
 
@@ -201,7 +220,7 @@ class Grid:
     high: Vector
 
 
-Density = Homogeneous | ExponentialHeight | NoiseShape | ExponentialAltitude | Grid
+Density = Homogeneous | ExponentialHeight | NoiseShape | Dust | ExponentialAltitude | Grid
 
 
 @dataclass(frozen=True)
@@ -236,12 +255,17 @@ AnyPhase = Phase | RayleighPhase | MiePhase
 
 @dataclass(frozen=True)
 class Medium:
-    """Scattering and absorption coefficients (1/m, per channel) where the density is 1."""
+    """Scattering and absorption coefficients (1/m, per channel) where the density is 1.
+
+    ``ambient`` is a radiance that reaches every point of the medium from all sides, unshadowed and undimmed, and is scattered
+    once: it stands for all light that has come from elsewhere, so its further orders are in it.
+    """
 
     sigma_s: Color
     sigma_a: Color
     phase: AnyPhase = Phase(0.0)
     density: Density = Homogeneous()
+    ambient: Color = (0.0, 0.0, 0.0)
 
     @property
     def sigma_t(self) -> Color:
@@ -250,6 +274,11 @@ class Medium:
     @property
     def scatters(self) -> bool:
         return max(self.sigma_s) > 0.0
+
+    @property
+    def glows(self) -> bool:
+        """Whether ambient light is scattered."""
+        return any(s * a > 0.0 for s, a in zip(self.sigma_s, self.ambient))
 
 
 @dataclass(frozen=True)
@@ -280,12 +309,43 @@ class Dielectric:
     ior: float
 
 
+MOST_CELLS = 128  # of a cover across a pane: its picture has 1024 pixels
+
+
+@dataclass(frozen=True)
+class Cover:
+    """What lies opaque on a pane (``pattern``: uniform, dirt or lead): Lambert of ``albedo`` over the share ``coverage`` of its area, where ``scene.pane`` tells.
+
+    ``size`` (m) is that of a cell between leads or of a speck of dirt, ``softness`` how gradually dirt begins, in [0, 1].
+    ``variation`` turns the colour of the glass from cell to cell, by up to so many halves of the colour circle either way.
+    """
+
+    pattern: str
+    coverage: float
+    albedo: Color
+    size: float = 1.0
+    softness: float = 0.0
+    variation: float = 0.0
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A pane drawn as a plane: its ``thickness`` (m) counts for the light that crosses it, not for its place."""
+
+    thickness: float
+    cover: Cover | None = None
+
+
 @dataclass(frozen=True)
 class Volume:
     """A medium in a domain, with or without a refracting boundary. ``octaves`` is for the engines alone.
 
     ``cavity`` is an ellipsoid inside the domain that holds nothing: the body is a hollow shell, whose inner surface refracts
     as the outer one does. Only homogeneous media that absorb have one.
+
+    With a ``sheet`` the domain is a plane, a box of which one half size is 0, and stands for a pane of that thickness. Light
+    goes on where it was going, dimmed as by the whole plate, and what the plate mirrors leaves from the plane.
     """
 
     domain: Shape
@@ -293,8 +353,24 @@ class Volume:
     boundary: Dielectric | None = None
     octaves: Octaves | None = None
     cavity: Ellipsoid | None = None
+    sheet: Sheet | None = None
+
+    @property
+    def has_surface(self) -> bool:
+        """Whether light meets something at the faces of the domain, rather than only within it."""
+        return self.boundary is not None or self.sheet is not None
 
     def __post_init__(self) -> None:
+        if self.sheet is not None:
+            flat = isinstance(self.domain, Box) and sum(half == 0.0 for half in self.domain.half) == 1
+            if not flat or self.cavity is not None:
+                raise ValueError(f"a pane's domain is a box of which one half size is 0, got {self.domain}; set one to 0")
+            if self.medium.scatters or not isinstance(self.medium.density, Homogeneous):
+                raise ValueError(f"only a homogeneous medium that absorbs may be a pane, got {self.medium}; model its thickness")
+            cover, longer = self.sheet.cover, 2.0 * max(self.domain.half)
+            if cover is not None and cover.pattern != "uniform" and longer > (1.0 + 1e-9) * MOST_CELLS * cover.size:
+                raise ValueError(f"coverage_size = {cover.size:g} m is too small for a pane of {longer:g} m: more than "
+                                 f"{MOST_CELLS} cells lie across it; make it at least {longer / MOST_CELLS:.3g} m")
         if self.cavity is None:
             return
         if self.medium.scatters or not isinstance(self.medium.density, Homogeneous):
@@ -346,8 +422,7 @@ class Projector:
 
     ``horizontal_fov`` and ``vertical_fov`` are full angles in radians, ``near`` and ``far`` distances along
     ``direction`` (m). ``blend`` softens the edge as a share of the half width, ``elliptic`` rounds the frustum.
-    ``gobo`` is an image (rows, columns[, 3]) >= 0 in the light's way, ``ambient`` a radiance that reaches every point of
-    the media unshadowed and undimmed.
+    ``gobo`` is an image (rows, columns[, 3]) >= 0 in the light's way.
     """
 
     position: Vector
@@ -362,7 +437,6 @@ class Projector:
     blend: float = 0.0
     elliptic: bool = False
     gobo: Any = None
-    ambient: Color = (0.0, 0.0, 0.0)
 
 
 Light = Sun | Point | Spot | Projector
@@ -442,8 +516,8 @@ class Scene:
 
     @property
     def is_dielectric(self) -> bool:
-        """Whether light meets interfaces or cavities, which only the integrator of glass follows."""
-        return any(volume.boundary is not None or volume.cavity is not None for volume in self.volumes)
+        """Whether light meets interfaces, panes or cavities, which only the integrator of glass follows."""
+        return any(volume.has_surface or volume.cavity is not None for volume in self.volumes)
 
     @property
     def engine_orders(self) -> int:
@@ -453,4 +527,4 @@ class Scene:
 
     @property
     def is_noisy(self) -> bool:
-        return any(isinstance(volume.medium.density, NoiseShape) for volume in self.volumes)
+        return any(isinstance(volume.medium.density, (NoiseShape, Dust)) for volume in self.volumes)

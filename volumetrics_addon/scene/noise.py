@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The density of a NoiseShape, with the fractal Perlin noise and the cells that Blender's texture nodes evaluate.
+"""The densities of NoiseShape and Dust, with the fractal Perlin noise and the cells that Blender's texture nodes evaluate.
 
 Perlin: gradient noise (Improving Noise, 2002) on an integer lattice hashed with the final mix of Jenkins' lookup3 (public
 domain, 2006); fractal sum with lacunarity 2, normalised to [0, 1]. Cells: the distance to the nearest of one random point a
@@ -13,13 +13,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from .model import CELL_HASHES, PROFILES, NoiseShape
+from .model import CELL_HASHES, PROFILES, Dust, NoiseShape
 
 _MASK = 0xFFFFFFFF
 _SEED = (0xDEADBEEF + (3 << 2) + 13) & _MASK
 _SCALE = 0.9820  # Blender's factor that brings 3D Perlin noise to about [-1, 1]
 SEED_STEP = (13.25, 78.5, 37.75)  # quarters: exact in the float32 of the engines for every seed
 SEED_PERIOD = 100.0
+DUST_DETAIL, DUST_ROUGHNESS = 2.0, 0.5
 BILLOW_MEAN = 0.37  # about the mean of the squared distance to the nearest point: billows neither swell nor shrink a body
 # How far a step of evolution lifts the two kinds of noise through one another, in their own sizes.
 EVOLUTION_RISE, BILLOW_RISE = 1.0, 2.5
@@ -38,6 +39,17 @@ def numbers(shape: NoiseShape) -> tuple[float, ...]:
             shape.noise_strength, shape.fill, shape.softness, PROFILES.index(shape.profile), shape.stretch, *shape.drift,
             shape.evolution, shape.billow_size, shape.billow_strength, shape.billow_octaves, shape.billow_roughness,
             shape.base, CELL_HASHES.index(shape.cell_hash))
+
+
+def dust_numbers(dust: Dust) -> tuple[float, ...]:
+    """The dust as the row of numbers that the compiled functions read."""
+    return dust.size, *(seed_offset(dust.seed) - np.array(dust.drift) / dust.size), dust.strength
+
+
+def dust_density(dust: Dust, position: np.ndarray) -> np.ndarray:
+    """Density (n,) >= 0 at positions (n, 3); see Dust for the formula."""
+    x, y, z = (np.asarray(position, float) / dust.size + dust_numbers(dust)[1:4]).T
+    return np.maximum(0.0, 1.0 + dust.strength * (2.0 * fractal_noise(x, y, z, DUST_DETAIL, DUST_ROUGHNESS) - 1.0))
 
 
 def density(shape: NoiseShape, position: np.ndarray) -> np.ndarray:
@@ -72,7 +84,7 @@ def _evaluator():
 @lru_cache(maxsize=1)
 def numpy_evaluator():
     """The NumPy twins of ``fractal_noise``, ``margin`` and ``density``, the latter two on a shape's ``numbers``."""
-    noise, margin_at, density_at = implementation(lambda function: function)
+    noise, margin_at, density_at, _ = implementation(lambda function: function)
 
     def over_points(function):
         return lambda shape, position: function(shape, 0, *position.T)
@@ -81,7 +93,8 @@ def numpy_evaluator():
 
 
 def implementation(compiled):
-    """Functions noise(x, y, z, detail, roughness), and margin and density of a row of ``numbers`` that begins at ``at``.
+    """Functions noise(x, y, z, detail, roughness), and margin and density of a row of ``numbers`` that begins at ``at``, and
+    dust of a row of ``dust_numbers``.
 
     Their parts are passed through ``compiled``, and there is only arithmetic that scalars and arrays share.
     """
@@ -277,4 +290,10 @@ def implementation(compiled):
             value = value * t * t * (3.0 - 2.0 * t)
         return value
 
-    return noise, margin, density
+    @compiled
+    def dust(s, at, x, y, z):
+        size = s[at]
+        n = noise(x / size + s[at + 1], y / size + s[at + 2], z / size + s[at + 3], DUST_DETAIL, DUST_ROUGHNESS)
+        return np.maximum(0.0, 1.0 + s[at + 4] * (2.0 * n - 1.0))
+
+    return noise, margin, density, dust

@@ -9,7 +9,7 @@ from .noise import implementation
 
 forget_stale_kernels(__file__)
 compiled = numba.njit(cache=True)
-_noise, _margin, _density = implementation(compiled)
+_noise, _margin, _density, _ = implementation(compiled)
 
 
 @numba.njit(parallel=True, cache=True)

@@ -15,12 +15,13 @@ from typing import Any
 from ..parameters.model import Group
 from .body import Body
 from .model import (
-    Box, Camera, Cone, Density, DepthFog, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light, Medium, NoiseShape,
-    Point, Projector, Scene, Shape, Spot, Sun, Volume, scaled as times,
+    Box, Camera, Cone, Density, DepthFog, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light,
+    Medium, NoiseShape, Point, Projector, Scene, Shape, Sheet, Spot, Sun, Volume, scaled as times,
 )
 
 # Power of the length in each unit that parameters are declared in.
-DIMENSIONS = {"": 0, "W/(m2 sr)": 0, "deg": 0, "m": 1, "1/m": -1, "1/km": -1, "W": 2, "m/s": 1, "s": 0, "1/s": 0, "um": 0}
+DIMENSIONS = {"": 0, "deg": 0, "m": 1, "1/m": -1, "1/km": -1, "W": 2, "m/s": 1, "s": 0, "1/s": 0, "um": 0, "W/m2": 0,
+              "W/(m2 sr)": 0}
 
 
 def scaled(scene: Scene, factor: float) -> Scene:
@@ -71,8 +72,13 @@ def _shape(shape: Shape, factor: float) -> Shape:
 
 def _volume(volume: Volume, factor: float) -> Volume:
     medium = volume.medium
-    return replace(volume, domain=_shape(volume.domain, factor), cavity=volume.cavity and _shape(volume.cavity, factor), medium=Medium(
-        times(medium.sigma_s, 1.0 / factor), times(medium.sigma_a, 1.0 / factor), medium.phase, _density(medium.density, factor)))
+    sheet = volume.sheet
+    if sheet is not None:
+        cover = sheet.cover and replace(sheet.cover, size=sheet.cover.size * factor)
+        sheet = Sheet(sheet.thickness * factor, cover)
+    return replace(volume, domain=_shape(volume.domain, factor), cavity=volume.cavity and _shape(volume.cavity, factor),
+                   sheet=sheet, medium=Medium(times(medium.sigma_s, 1.0 / factor), times(medium.sigma_a, 1.0 / factor),
+                                              medium.phase, _density(medium.density, factor), medium.ambient))
 
 
 def _depth_fog(fog: DepthFog, factor: float) -> DepthFog:
@@ -89,6 +95,8 @@ def _density(density: Density, factor: float) -> Density:
             return replace(density, center=times(density.center, factor), half=times(density.half, factor),
                            noise_size=density.noise_size * factor, billow_size=density.billow_size * factor,
                            drift=times(density.drift, factor))
+        case Dust():
+            return replace(density, size=density.size * factor, drift=times(density.drift, factor))
         case ExponentialAltitude():
             return ExponentialAltitude(times(density.center, factor), density.radius * factor, density.scale_height * factor)
         case Grid():

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import operators, panels, properties
+from . import glass, operators, panels, properties, shafts
 
-_MODULES = (properties, operators, panels)
+_MODULES = (properties, operators, panels, shafts, glass)
 _command = None
 
 

@@ -82,6 +82,8 @@ def _item(layout: bpy.types.UILayout, item: bpy.types.Collection) -> None:
         for parameter, socket in zip(FAMILIES[family].live, node.inputs):
             if parameter.name in shown:
                 _field(body, parameter, socket, "default_value")
+        for note in items.notes(item):
+            _wrapped(body, note, bpy.context)
         _derived(body, family, lambda: items.values_of(item))
         if items.can_bake_light(item):
             body.operator("volumetrics.bake_light", icon="RENDER_STILL").item = item.name

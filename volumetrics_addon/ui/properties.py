@@ -42,6 +42,9 @@ def _property(parameter: Parameter) -> Any:
         return bpy.props.EnumProperty(**common, items=items, default=parameter.default)
     if parameter.kind == "bool":
         return bpy.props.BoolProperty(**common, default=parameter.default)
+    if parameter.kind in ("text", "path"):
+        return bpy.props.StringProperty(**common, default=parameter.default, maxlen=int(parameter.maximum),
+                                        subtype="FILE_PATH" if parameter.kind == "path" else "NONE")
     low, high = parameter.soft_range
     limits = {"min": parameter.minimum, "max": parameter.maximum, "soft_min": low, "soft_max": high}
     if parameter.kind == "int":

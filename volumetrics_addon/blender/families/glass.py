@@ -8,106 +8,89 @@ forms along the refracted path. With r the reflectance at the entrance and t the
 * ball: all inner chords are equal, R = r, T = (1 - r)^2 t / (1 - r t);
 * block: r' at the face where the path ends, what is mirrored there leaves after one more leg of transmittance t':
   R = r, T = (1 - r) ((1 - r') t + r' t t'), without Fresnel losses on that leg;
-* shell: its two walls are plates between r and r', the reflectance at the cavity; see ``_shell``.
+* shell: its two walls are plates between r and r', the reflectance at the cavity; see ``_shell``;
+* mesh of the user's own: as the ball, over a way inside that was measured (see ``chords``).
 
 Ball and shell are exact under uniform light; elsewhere the light of inner reflections comes from the wrong direction.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 import bpy
 
 from ...scene.model import Box, Ellipsoid, Shape
+from .. import chords, pane
 from ..fields import Fields
+from ..interface import (
+    ONE, absorption, incidence, inner_cosine, mirror, object_scale, one_minus, reflectance, refracted, square, transmitted,
+)
 from ..nodes import Tree, socket_of
 from ..shaders import ENGINES, Outputs, Sockets
 
 Socket = bpy.types.NodeSocket
+# Path in glass, and the shares R and T (a number or a vector each).
+Body = tuple[Socket, Socket, Socket]
 
 
 def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
-    """Absorption sigma_a = -ln(color) strength / distance; Cycles takes it as a volume, EEVEE as a tint where it refracts."""
+    """Absorption sigma_a = -ln(color) strength / distance; Cycles takes it as a volume, EEVEE as a tint where it refracts.
+
+    A thin pane is a surface alone; see ``pane``.
+    """
+    if values["shape"] == "sheet":
+        return pane.outputs(build, inputs, values, tuple(k for k in range(3) if shape.half[k] > 0.0), fields.cover)
     sigma = absorption(build, inputs)
     volume = _volume(build, sigma)
     if not values["refraction"]:
         return {f"{engine} Volume": volume for engine in ENGINES}
     surface = build.node("ShaderNodeBsdfGlass", {"Color": (1.0, 1.0, 1.0, 1.0), "Roughness": 0.0, "IOR": inputs["ior"]})
-    geometry = build.node("ShaderNodeNewGeometry")
-    cosine, direction, position = _refracted(build, geometry, inputs["ior"])
+    geometry, cosine = incidence(build)
+    direction, position = refracted(build, geometry, inputs["ior"]), socket_of(build.node("ShaderNodeTexCoord").outputs, "Object")
     entrance = reflectance(build, cosine, inputs["ior"])
-    path, mirrored, through = _BODIES[type(shape)](build, inputs["ior"], shape, fields, sigma, entrance, position, direction)
+    if fields.measured:
+        way = chords.chord(build, direction, inner_cosine(build, cosine, inputs["ior"]))
+        path, mirrored, through = _ball(build, sigma, entrance, way)
+    else:
+        path, mirrored, through = _BODIES[type(shape)](build, inputs["ior"], shape, fields, sigma, entrance, position, direction)
     # The tint of EEVEE's refraction acts on the way in and on the way out.
-    tint = build.node("ShaderNodeCombineColor", {i: build.math("SQRT", part) for i, part in enumerate(through)})
-    mirror = build.node("ShaderNodeCombineColor", dict(enumerate(mirrored)))
+    tint = build.vector("POWER", through, (0.5,) * 3)
     shader = build.shader_sum(
-        build.node("ShaderNodeBsdfRefraction", {"Color": tint.outputs[0], "Roughness": 0.0, "IOR": inputs["ior"]}).outputs[0],
-        build.node("ShaderNodeBsdfAnisotropic", {"Color": mirror.outputs[0], "Roughness": 0.0}).outputs[0])
-    return {"Cycles Surface": surface.outputs[0], "Cycles Volume": volume, "EEVEE Surface": shader, "EEVEE Thickness": path}
+        build.node("ShaderNodeBsdfRefraction", {"Color": tint, "Roughness": 0.0, "IOR": inputs["ior"]}).outputs[0],
+        mirror(build, mirrored))
+    # EEVEE multiplies the thickness by the object's scale.
+    return {"Cycles Surface": surface.outputs[0], "Cycles Volume": volume, "EEVEE Surface": shader,
+            "EEVEE Thickness": build.math("DIVIDE", path, object_scale(build))}
 
 
-def absorption(build: Tree, inputs: Sockets) -> list[Socket]:
-    """Coefficients (1/m) of the three channels."""
-    channels = build.node("ShaderNodeSeparateColor", {0: inputs["color"]}).outputs
-    scale = build.math("DIVIDE", inputs["strength"], build.math("MULTIPLY", inputs["distance"], -1.0))
-    return [build.math("MULTIPLY", build.math("LOGARITHM", channel, math.e), scale) for channel in channels]
-
-
-def _volume(build: Tree, sigma: list[Socket]) -> Socket:
-    largest = build.math("MAXIMUM", build.math("MAXIMUM", sigma[0], sigma[1]), sigma[2])
-    kept = [build.math("SUBTRACT", 1.0, build.math("DIVIDE", value, largest)) for value in sigma]
-    color = build.node("ShaderNodeCombineColor", dict(enumerate(kept))).outputs[0]
+def _volume(build: Tree, sigma: Socket) -> Socket:
+    parts = build.components(sigma)
+    largest = build.math("MAXIMUM", build.math("MAXIMUM", parts[0], parts[1]), parts[2])
+    color = build.vector("SUBTRACT", ONE, build.vector("DIVIDE", sigma, largest))
     return build.node("ShaderNodeVolumeAbsorption", {"Color": color, "Density": largest}).outputs[0]
 
 
-def transmitted(build: Tree, sigma: list[Socket], path: Any) -> list[Socket]:
-    back = build.math("MULTIPLY", path, -1.0)
-    return [build.math("EXPONENT", build.math("MULTIPLY", value, back)) for value in sigma]
-
-
-def inner_cosine(build: Tree, cosine: Any, ior: Any) -> Socket:
-    """Cosine inside glass of a ray with this cosine outside: sqrt(1 - (1 - c^2) / n^2)."""
-    sine2 = build.math("DIVIDE", _one_minus(build, _square(build, cosine)), _square(build, ior))
-    return build.math("SQRT", build.math("MAXIMUM", _one_minus(build, sine2), 0.0))
-
-
-def reflectance(build: Tree, cosine: Any, ior: Any) -> Socket:
-    """Fresnel's reflectance of unpolarised light, from the cosine outside the glass: the same from either side."""
-    inside = inner_cosine(build, cosine, ior)
-    pairs = ((cosine, build.math("MULTIPLY", ior, inside)), (build.math("MULTIPLY", ior, cosine), inside))
-    parts = [_square(build, build.math("DIVIDE", build.math("SUBTRACT", a, b), build.math("ADD", a, b))) for a, b in pairs]
-    return build.math("MULTIPLY", build.math("ADD", *parts), 0.5)
-
-
-def _refracted(build: Tree, geometry: bpy.types.Node, ior: Any) -> tuple[Socket, Socket, Socket]:
-    """Cosine of the ray that comes in, its refracted direction in object space (m), and where it enters there."""
-    incoming, normal = socket_of(geometry.outputs, "Incoming"), socket_of(geometry.outputs, "Normal")
-    cosine = build.math("ABSOLUTE", build.scalar("DOT_PRODUCT", incoming, normal))
-    node = build.node("ShaderNodeVectorMath", {0: build.scale(incoming, -1.0), 1: normal,
-                                               "Scale": build.math("DIVIDE", 1.0, ior)}, operation="REFRACT")
-    direction = build.node("ShaderNodeVectorTransform", {0: socket_of(node.outputs, "Vector")}, vector_type="VECTOR",
-                           convert_from="WORLD", convert_to="OBJECT").outputs[0]
-    return cosine, direction, socket_of(build.node("ShaderNodeTexCoord").outputs, "Object")
-
-
-def _round(build: Tree, ior: Any, shape: Ellipsoid, fields: Fields, sigma: list[Socket], r: Socket, position: Socket,
-           direction: Socket) -> tuple[Socket, list[Socket], list[Socket]]:
-    if fields.cavity is not None:
-        return _shell(build, ior, shape, fields.cavity, sigma, r, position, direction)
+def _round(build: Tree, ior: Any, shape: Ellipsoid, fields: Fields, sigma: Socket, r: Socket, position: Socket,
+           direction: Socket) -> Body:
     p, d = (build.vector("DIVIDE", v, shape.half) for v in (position, direction))
-    path = build.math("MULTIPLY", -2.0, build.math("DIVIDE", build.scalar("DOT_PRODUCT", p, d),
-                                                   build.scalar("DOT_PRODUCT", d, d)))
-    enters = _one_minus(build, r)
-    return path, [r] * 3, [build.math("DIVIDE", build.math("MULTIPLY", _square(build, enters), t),
-                                      _one_minus(build, build.math("MULTIPLY", r, t)))
-                           for t in transmitted(build, sigma, path)]
+    chord = build.math("MULTIPLY", -2.0, build.math("DIVIDE", build.scalar("DOT_PRODUCT", p, d),
+                                                    build.scalar("DOT_PRODUCT", d, d)))
+    if fields.cavity is not None:
+        return _shell(build, ior, fields.cavity, sigma, r, position, direction, chord)
+    return _ball(build, sigma, r, chord)
 
 
-def _shell(build: Tree, ior: Any, shape: Ellipsoid, cavity: Ellipsoid, sigma: list[Socket], r: Socket, position: Socket,
-           direction: Socket) -> tuple[Socket, list[Socket], list[Socket]]:
+def _ball(build: Tree, sigma: Socket, r: Socket, chord: Socket) -> Body:
+    """T = (1 - r)^2 t / (1 - r t)."""
+    t = transmitted(build, sigma, chord)
+    lost = build.vector("SUBTRACT", ONE, build.vector("MULTIPLY", t, r))
+    return chord, r, build.vector("DIVIDE", build.vector("MULTIPLY", t, square(build, one_minus(build, r))), lost)
+
+
+def _shell(build: Tree, ior: Any, cavity: Ellipsoid, sigma: Socket, r: Socket, position: Socket, direction: Socket,
+           chord: Socket) -> Body:
     """Two walls of transmittance w = sqrt(t), t over the chord of the refracted line less its chord of the cavity.
 
     A wall, a plate between r and r', transmits a = (1 - r)(1 - r') w / (1 - r r' t); it mirrors b = r + c, with
@@ -115,53 +98,47 @@ def _shell(build: Tree, ior: Any, shape: Ellipsoid, cavity: Ellipsoid, sigma: li
     T = a^2 / (1 - b'^2), R = b + a^2 b' / (1 - b'^2). Where the line misses the cavity or is totally reflected there, r' = 1
     and c leaves on the far side: T = c, R = r.
     """
-    p, d = (build.vector("DIVIDE", v, shape.half) for v in (position, direction))
-    chord = build.math("MULTIPLY", -2.0, build.math("DIVIDE", build.scalar("DOT_PRODUCT", p, d),
-                                                    build.scalar("DOT_PRODUCT", d, d)))
     p, d = (build.vector("DIVIDE", v, cavity.half) for v in (position, direction))
     dd, pd = build.scalar("DOT_PRODUCT", d, d), build.scalar("DOT_PRODUCT", p, d)
     # Squared sine of the line at the cavity: its least distance there, in radii.
-    sine2 = build.math("SUBTRACT", build.scalar("DOT_PRODUCT", p, p), build.math("DIVIDE", _square(build, pd), dd))
-    half = build.math("SQRT", build.math("DIVIDE", build.math("MAXIMUM", _one_minus(build, sine2), 0.0), dd))
+    sine2 = build.math("SUBTRACT", build.scalar("DOT_PRODUCT", p, p), build.math("DIVIDE", square(build, pd), dd))
+    half = build.math("SQRT", build.math("DIVIDE", build.math("MAXIMUM", one_minus(build, sine2), 0.0), dd))
     path = build.math("MULTIPLY_ADD", half, -2.0, chord)
-    outside2 = _one_minus(build, build.math("MULTIPLY", sine2, _square(build, ior)))  # squared cosine in the cavity
-    blocked = build.math("LESS_THAN", outside2, 0.0)
-    inner = reflectance(build, build.math("SQRT", build.math("MAXIMUM", outside2, 0.0)), ior)
-    inner = build.math("MAXIMUM", inner, blocked)
-    enters, leaves = _one_minus(build, r), _one_minus(build, inner)
-    mirrored, through = [], []
-    for t in transmitted(build, sigma, path):
-        turns = _one_minus(build, build.math("MULTIPLY", build.math("MULTIPLY", r, inner), t))
-        a2 = build.math("DIVIDE", build.math("MULTIPLY", _square(build, build.math("MULTIPLY", enters, leaves)), t),
-                        _square(build, turns))
-        c = build.math("DIVIDE", build.math("MULTIPLY", build.math("MULTIPLY", _square(build, enters), inner), t), turns)
-        back = build.math("ADD", inner, build.math("DIVIDE", build.math(
-            "MULTIPLY", build.math("MULTIPLY", _square(build, leaves), r), t), turns))
-        crossed = build.math("DIVIDE", a2, _one_minus(build, _square(build, back)))  # a division by zero gives 0, as a does
-        far = build.math("MULTIPLY", c, blocked)
-        through.append(build.math("ADD", crossed, far))
-        near = build.math("ADD", build.math("SUBTRACT", c, far), build.math("MULTIPLY", crossed, back))
-        mirrored.append(build.math("ADD", r, near))
-    return path, mirrored, through
+    inner, blocked = _leaving(build, build.math("MULTIPLY", sine2, square(build, ior)), ior)
+    enters, leaves = square(build, one_minus(build, r)), square(build, one_minus(build, inner))
+    t = transmitted(build, sigma, path)
+    turns = build.vector("SUBTRACT", ONE, build.scale(t, build.math("MULTIPLY", r, inner)))  # 1 - r r' t
+    once = build.vector("DIVIDE", t, turns)
+    a2 = build.vector("DIVIDE", build.scale(once, build.math("MULTIPLY", enters, leaves)), turns)
+    c = build.scale(once, build.math("MULTIPLY", enters, inner))
+    back = build.vector("ADD", build.scale(once, build.math("MULTIPLY", leaves, r)), inner)
+    # A division by zero gives 0, as a does.
+    crossed = build.vector("DIVIDE", a2, build.vector("SUBTRACT", ONE, build.vector("MULTIPLY", back, back)))
+    far = build.scale(c, blocked)
+    near = build.vector("ADD", build.vector("SUBTRACT", c, far), r)
+    return path, build.vector("MULTIPLY_ADD", crossed, back, near), build.vector("ADD", crossed, far)
 
 
-def _block(build: Tree, ior: Any, shape: Box, fields: Fields, sigma: list[Socket], r: Socket, position: Socket,
-           direction: Socket) -> tuple[Socket, list[Socket], list[Socket]]:
+def _block(build: Tree, ior: Any, shape: Box, fields: Fields, sigma: Socket, r: Socket, position: Socket,
+           direction: Socket) -> Body:
     far = _to_planes(build, shape, position, direction)
     path, faces = _nearest(build, far), _face(build, far)
     reached = build.vector("MULTIPLY_ADD", direction, build.combine(path, path, path), position)
-    turned = build.vector("MULTIPLY", direction, build.vector("MULTIPLY_ADD", faces, (-2.0,) * 3, (1.0,) * 3))
+    turned = build.vector("MULTIPLY", direction, build.vector("MULTIPLY_ADD", faces, (-2.0,) * 3, ONE))
     more = _nearest(build, _to_planes(build, shape, reached, turned))
-    inside2 = _square(build, build.scalar("DOT_PRODUCT", build.vector("ABSOLUTE", direction), faces))
-    outside2 = _one_minus(build, build.math("MULTIPLY", _one_minus(build, inside2), _square(build, ior)))
-    leaving = build.math("MAXIMUM", reflectance(build, build.math("SQRT", build.math("MAXIMUM", outside2, 0.0)), ior),
-                         build.math("LESS_THAN", outside2, 0.0))
-    enters = _one_minus(build, r)
-    through = []
-    for t, further in zip(transmitted(build, sigma, path), transmitted(build, sigma, more)):
-        kept = build.math("MULTIPLY_ADD", leaving, build.math("SUBTRACT", further, 1.0), 1.0)  # 1 - r' + r' t'
-        through.append(build.math("MULTIPLY", build.math("MULTIPLY", enters, t), kept))
-    return path, [r] * 3, through
+    inside2 = square(build, build.scalar("DOT_PRODUCT", build.vector("ABSOLUTE", direction), faces))
+    leaving, _ = _leaving(build, build.math("MULTIPLY", one_minus(build, inside2), square(build, ior)), ior)
+    t, further = transmitted(build, sigma, path), transmitted(build, sigma, more)
+    kept = build.vector("MULTIPLY_ADD", build.vector("SUBTRACT", further, ONE), leaving, ONE)  # 1 - r' + r' t'
+    return path, r, build.vector("MULTIPLY", build.scale(t, one_minus(build, r)), kept)
+
+
+def _leaving(build: Tree, sine2: Socket, ior: Any) -> tuple[Socket, Socket]:
+    """Reflectance from inside, by the squared sine outside, and whether it is total (1 or 0)."""
+    outside2 = one_minus(build, sine2)
+    total = build.math("LESS_THAN", outside2, 0.0)
+    partial = reflectance(build, build.math("SQRT", build.math("MAXIMUM", outside2, 0.0)), ior)
+    return build.math("MAXIMUM", partial, total), total
 
 
 def _to_planes(build: Tree, shape: Box, position: Any, direction: Any) -> list[Socket]:
@@ -179,16 +156,8 @@ def _nearest(build: Tree, far: list[Socket]) -> Socket:
 def _face(build: Tree, far: list[Socket]) -> Socket:
     """A vector that is 1 along the axis of the nearest plane, and 0 along the others."""
     first = build.math("LESS_THAN", far[0], build.math("MINIMUM", far[1], far[2]))
-    second = build.math("MULTIPLY", _one_minus(build, first), build.math("LESS_THAN", far[1], far[2]))
-    return build.combine(first, second, build.math("SUBTRACT", _one_minus(build, first), second))
+    second = build.math("MULTIPLY", one_minus(build, first), build.math("LESS_THAN", far[1], far[2]))
+    return build.combine(first, second, build.math("SUBTRACT", one_minus(build, first), second))
 
 
 _BODIES = {Ellipsoid: _round, Box: _block}
-
-
-def _one_minus(build: Tree, value: Any) -> Socket:
-    return build.math("SUBTRACT", 1.0, value)
-
-
-def _square(build: Tree, value: Any) -> Socket:
-    return build.math("MULTIPLY", value, value)
