@@ -99,6 +99,17 @@ def test_godray():
     assert "Irradiance at the target" not in of("godray", **(common | {"target": common["location"]}))  # the lamp itself
 
 
+def test_sunlight_through_an_opening():
+    # Down a slope of 3 in 4: from 6 m to a floor at 3 m it goes 5 m.
+    common = {"light": "sun", "location": (0.0, 0.0, 6.0), "target": (8.0, 0.0, 0.0), "irradiance": 4.0, "color": (1.0, 0.5, 0.25),
+              "extinction": 0.1, "length": 20.0}
+    shaft = of("godray", floor_height=3.0, **common)
+    assert shaft["Length of the shaft"] == about(5.0) and shaft["Optical depth of the shaft"] == about(0.5)
+    assert shaft["Irradiance at its end"] == about((2.42612264, 1.21306132, 0.60653066))  # 4 exp(-0.5)
+    assert of("godray", shaft_end="length", **common)["Optical depth of the shaft"] == about(2.0)
+    assert of("godray", floor_height=7.0, **common)["Length of the shaft"] == math.inf  # never there
+
+
 def test_air():
     shown = of("air", rayleigh_scattering=0.0331, rayleigh_color=(0.2, 0.4, 1.0), rayleigh_scale_height=8500.0, thickness=60000.0,
                mie_extinction=0.004, mie_scale_height=1200.0)

@@ -134,7 +134,23 @@ def _cloud(values: Mapping[str, Any]) -> Iterable[Quantity]:
     yield Quantity("Mean events of a path", _events(values["albedo"]))
 
 
+def _sunshaft(values: Mapping[str, Any]) -> Iterable[Quantity]:
+    """Sunlight from the middle of an opening along the way to the target, down to the floor or over the length."""
+    way, length = subtract(values["target"], values["location"]), values["length"]
+    if values["shaft_end"] == "floor":
+        drop, height = -way[2], values["location"][2] - values["floor_height"]
+        length = math.hypot(*way) * height / drop if drop > 0.0 and height >= 0.0 else math.inf
+    depth = values["extinction"] * length if values["extinction"] > 0.0 else 0.0
+    yield Quantity("Length of the shaft", length, "m")
+    yield Quantity("Visibility in the haze", CONTRAST_DEPTH * _inverse(values["extinction"]), "m")
+    yield Quantity("Optical depth of the shaft", depth)
+    yield Quantity("Irradiance at its end", scaled(values["color"], values["irradiance"] * math.exp(-depth)), "W/m2")
+
+
 def _godray(values: Mapping[str, Any]) -> Iterable[Quantity]:
+    if values["light"] == "sun":
+        yield from _sunshaft(values)
+        return
     length, near = values["length"], 0.0
     distance = math.hypot(*subtract(values["target"], values["location"]))
     lit, falloff = True, 2
