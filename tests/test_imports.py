@@ -19,7 +19,7 @@ BLENDER_ROOMS = ("blender/", "ui/")
 BLENDER_IN_FUNCTIONS = ("cli/", "verify.py")
 # What the panel, the command line and a test without Blender load.
 STANDARD_ONLY = ("__init__.py", "parameters/", "plan/", "cli/", "scene/__init__.py", "scene/model.py", "scene/assemble.py", "scene/families/",
-                 "scene/describe.py")
+                 "scene/describe.py", "scene/derived.py")
 
 
 def imports(file):

@@ -66,6 +66,18 @@ def test_seeds_differ_and_repeat():
     assert (first[0] != first[1]).any()
 
 
+def test_samples_are_spread_over_the_pixel_from_the_first_on():
+    """A glowing card covers the left quarter of the only pixel and not its centre, where Cycles takes its first sample."""
+    chosen = preset("glass", {"location": [0, 500, 0]},
+                    {"camera_location": [0, -10, 0], "camera_target": [0, 0, 0], "field_of_view": 90.0},
+                    [{"location": [-7.5, 0, 0], "size": [5, 0, 40], "albedo": [0, 0, 0], "emission": [1, 1, 1]}])
+    for samples, repeats in ((1, 128), (4, 32)):
+        images = render.render(chosen, verify.scene_of(chosen), "cycles", 1, 1, samples, repeats=repeats).images
+        means = images.mean(axis=(1, 2, 3))
+        # 128 samples: a standard error of sqrt(0.25 * 0.75 / 128) = 0.038, less where they are stratified.
+        assert means.mean() == pytest.approx(0.25, abs=4.0 * 0.038)
+
+
 def grey_card(albedo=0.5):
     return {"location": [0, 0, 0], "size": [40, 40, 0], "albedo": [albedo] * 3}
 

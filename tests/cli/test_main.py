@@ -82,6 +82,15 @@ def test_show(name, capsys):
     assert parse(capsys.readouterr().out.encode(), Path(f"{name}.toml")) == preset
 
 
+def test_show_says_what_follows(capsys):
+    """Koschmieder's distance of sigma = 0.05 per metre: ln 50 / sigma. Infinity is null in JSON."""
+    assert main(["show", "morning-valley"]) == OK
+    assert re.search(r"^  Visibility at the base +78.2 m$", capsys.readouterr().out, re.MULTILINE)
+    assert main(["show", "morning-valley", "--json", "--fog.extinction", "0"]) == OK
+    quantities = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)["derived"]
+    assert quantities[0] == {"label": "Visibility at the base", "value": None, "unit": "m"}
+
+
 def test_show_writes_a_preset_that_the_command_line_changed(tmp_path, capsys):
     assert main(["show", "cumulus", "--toml", "--cloud.extinction", "0.02", "--cloud.albedo", "0.5,0.6,0.7",
                  "--cloud.density", "homogeneous", "--stage.exposure", "-1"]) == OK

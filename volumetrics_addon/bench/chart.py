@@ -27,7 +27,7 @@ INK, FAINT, PAPER = "#1a1a1a", "#c9c4ba", "#fbf9f4"
 
 def chart(rows: Sequence[Row], title: str, path: Path, truth: np.ndarray | None = None) -> None:
     """Write the chart of one scene's rows as PNG. Raises ImportError with the remedy when matplotlib is missing."""
-    with _figure((12.8, 7.2), path) as figure:
+    with styled((12.8, 7.2), path) as figure:
         axes = figure.add_axes((0.075, 0.1, 0.645, 0.8), facecolor=PAPER)
         _draw(axes, rows)
         axes.set_xlabel("seconds")
@@ -48,7 +48,7 @@ def overview(scenes: Sequence[tuple[str, Sequence[Row]]], path: Path) -> None:
     """Write the charts of all scenes, (title, rows) each, on one sheet as PNG. Raises ImportError as ``chart`` does."""
     columns = min(4, len(scenes))
     lines = -(-len(scenes) // columns)
-    with _figure((4.2 * columns + 2.4, 3.3 * lines + 0.4), path, font=9) as figure:
+    with styled((4.2 * columns + 2.4, 3.3 * lines + 0.4), path, font=9) as figure:
         shown: dict[str, object] = {}
         share = 4.2 * columns / (4.2 * columns + 2.4)
         for index, (title, rows) in enumerate(scenes):
@@ -66,7 +66,7 @@ def overview(scenes: Sequence[tuple[str, Sequence[Row]]], path: Path) -> None:
 
 
 @contextmanager
-def _figure(size: tuple[float, float], path: Path, font: float = 11) -> Iterator[object]:
+def styled(size: tuple[float, float], path: Path, font: float = 11) -> Iterator[object]:
     """A figure in the house style that becomes the PNG ``path``, whole or not at all."""
     try:
         import matplotlib

@@ -90,7 +90,7 @@ def values_of(item: bpy.types.Collection) -> dict[str, Any]:
 
 
 def effective(item: bpy.types.Collection) -> list[str]:
-    """Names of the live parameters that have an effect: not those of another phase function, nor of a shape that is baked."""
+    """Names of the live parameters that have an effect: not of another phase function, nor of a shape that is baked or built."""
     mine = record(item)
     family = FAMILIES[mine["family"]]
     values = family.defaults() | mine.get("values", {})
@@ -98,7 +98,8 @@ def effective(item: bpy.types.Collection) -> list[str]:
         values["density"] = "baked"
     if "realisation" in values:
         values["realisation"] = "compositor" if mine.get("compositor") else "volume"
-    return [parameter.name for parameter in family.live if family.applies(parameter.name, values)]
+    has_effect = family.applies if mine.get("compositor") else family.reacts  # the compositor has no domain that was built
+    return [parameter.name for parameter in family.live if has_effect(parameter.name, values)]
 
 
 def notes(item: bpy.types.Collection) -> list[str]:

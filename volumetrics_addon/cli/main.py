@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 import tempfile
@@ -22,6 +23,7 @@ from ..parameters.model import Group, Parameter, ParameterError
 from ..parameters.preset import Preset, load, names, to_toml
 from ..parameters.stage import STAGE
 from ..plan.model import CYCLES, EEVEE, ENGINES
+from ..scene import derived
 
 OK, WORSE, USAGE, FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 SIZE, SAMPLES = 64, {CYCLES: 64, EEVEE: 16}
@@ -111,7 +113,8 @@ def parser(program: str) -> argparse.ArgumentParser:
                                  help=f"{parameter.description} Allowed: {parameter.limits}.".replace("%", "%%"))
 
     commands.add_parser("list", parents=[common], help="the presets that come with the package")
-    show = commands.add_parser("show", parents=[common, changes], help="a preset's parameters with units and limits")
+    show = commands.add_parser("show", parents=[common, changes],
+                               help="a preset's parameters with units and limits, and what follows from them")
     show.add_argument("preset", help="name of a preset, or a .toml file")
     show.add_argument("--toml", action="store_true", help="write it as a preset file")
 
@@ -253,21 +256,33 @@ def _list(arguments: argparse.Namespace, progress: Progress) -> int:
 
 def _show(arguments: argparse.Namespace, progress: Progress) -> int:
     preset = _changed(arguments, load(arguments.preset))
+    quantities = derived.derived(preset.family, preset.parameters)
     if arguments.toml:
         print(to_toml(preset), end="")
     elif arguments.json:
         print(json.dumps({"name": preset.name, "family": preset.family, "label": preset.label,
                           "description": preset.description, "parameters": preset.parameters, "stage": preset.stage,
-                          "props": list(preset.props)}, indent=2))
+                          "props": list(preset.props), "derived": [_quantity(quantity) for quantity in quantities]}, indent=2))
     else:
         print(f"{preset.label} ({preset.family})\n{preset.description}")
         for group, values in ((preset.group, preset.parameters), (STAGE, preset.stage)):
             print(f"\n{group.label}")
             for parameter in group.parameters:
                 print(f"  {parameter.name:<22} {_shown(values[parameter.name]):<26} {parameter.limits}")
+        print("\nWhat follows from them")
+        for quantity in quantities:
+            print(f"  {quantity.label:<30} {derived.text(quantity)}")
         if preset.props:
             print(f"\n{len(preset.props)} props")
     return OK
+
+
+def _quantity(quantity: derived.Quantity) -> dict[str, Any]:
+    """As JSON, which knows no infinity: null."""
+    finite = lambda part: part if math.isfinite(part) else None  # noqa: E731
+    value = quantity.value
+    return {"label": quantity.label, "value": list(map(finite, value)) if isinstance(value, tuple) else finite(value),
+            "unit": quantity.unit}
 
 
 def _shown(value: Any) -> str:

@@ -52,7 +52,7 @@ FOG = Group(
                   unit="m", minimum=1e-3, maximum=1e5, soft_minimum=0.1, soft_maximum=1e3, live=True,
                   when=("second_extinction",)),
         Parameter("base_height", "float", 0.0, "Height of the base, where the fog ends below.",
-                  unit="m", minimum=-1e5, maximum=1e5, live=True, when=LAYERS),
+                  unit="m", minimum=-1e5, maximum=1e5, live=True, when=LAYERS, live_when=EXPONENTIAL),
         having(ALBEDO, (0.95, 0.96, 0.98)),
         having(G, 0.6),
         Parameter("far_color", "color", (0.6, 0.7, 0.8), "Colour that a depth fog fades to.",

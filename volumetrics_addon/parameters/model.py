@@ -60,6 +60,8 @@ class Parameter:
     title: str = ""  # shown to users where the name alone would not tell them what it is
     # Name of another parameter of the group, and the values of it beside which this one has an effect; none: any but 0.
     when: tuple[str, ...] = ()
+    # The same for the socket of a live parameter: beside other values it has its effect when the tree is built, and then none.
+    live_when: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         assert self.kind in KINDS, self.kind
@@ -178,7 +180,8 @@ class Group:
     def __post_init__(self) -> None:
         names = [parameter.name for parameter in self.parameters]
         assert len(names) == len(set(names)), f"{self.name} declares a parameter twice"
-        assert all(parameter.when[0] in names for parameter in self.parameters if parameter.when), self.name
+        rules = [rule for parameter in self.parameters for rule in (parameter.when, parameter.live_when) if rule]
+        assert all(rule[0] in names for rule in rules), self.name
 
     def __getitem__(self, name: str) -> Parameter:
         for parameter in self.parameters:
@@ -192,9 +195,16 @@ class Group:
 
     def applies(self, name: str, values: Mapping[str, Any]) -> bool:
         """Whether the parameter has an effect beside these values of all parameters."""
-        if not self[name].when:
+        return self._holds(self[name].when, values)
+
+    def reacts(self, name: str, values: Mapping[str, Any]) -> bool:
+        """Whether the parameter is live and its socket has an effect beside these values."""
+        return self[name].live and self.applies(name, values) and self._holds(self[name].live_when, values)
+
+    def _holds(self, rule: tuple[str, ...], values: Mapping[str, Any]) -> bool:
+        if not rule:
             return True
-        other, *effective = self[name].when
+        other, *effective = rule
         return (values[other] in effective if effective else bool(values[other])) and self.applies(other, values)
 
     def defaults(self) -> dict[str, Any]:

@@ -47,6 +47,7 @@ LOOKUP, PERLIN_LOOKUPS, BILLOW_LOOKUPS = 5e-8, 3.5, 4.0
 BAKED_VOXEL, BAKED_BILLOW, BAKED_ONCE = 4.5e-7, 2e-7, 0.1
 FILLED, MOST_EVENTS = 0.25, 7.0
 LIGHT_LAYERS, MOST_LIGHT = 8, 128  # voxels of baked light across a domain's shortest side, and along its longest at most
+MOST_SAMPLES = 1 << 24  # that Cycles counts
 GLASS_BOUNCES = 64  # interfaces followed through refracting solids
 EEVEE_DEFAULT_THRESHOLD = 0.01
 EEVEE_COEFFICIENT = 1e-4  # 1/m; below, EEVEE loses more than 5 % of a medium, and below 1e-5 all of it
@@ -183,7 +184,12 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
                   f"the scene follows {scene.engine_orders} order(s) of scattering")
     result.settings.update({
         "cycles.device": "CPU",
-        "cycles.samples": result.samples,
+        # Cycles puts the first sample of every pixel at its centre: a picture of n samples is off by an n-th of what centres miss,
+        # -0.9 % in the emerald sphere on 16 pixels at n = 16. The second stretch of the sequence is as well stratified.
+        "cycles.use_sample_subset": True,
+        "cycles.sample_offset": min(result.samples, MOST_SAMPLES - result.samples),
+        "cycles.sample_subset_length": result.samples,
+        "cycles.samples": min(2 * result.samples, MOST_SAMPLES),
         "cycles.seed": seed,
         "cycles.use_animated_seed": False,
         "cycles.sampling_pattern": "TABULATED_SOBOL",

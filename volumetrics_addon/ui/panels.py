@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Callable
+from typing import Any
 
 import bpy
 
 from ..parameters.families import FAMILIES
-from ..parameters.model import Parameter
+from ..parameters.model import Parameter, ParameterError
 from ..parameters.stage import STAGE
-from .properties import ICONS, label, preset_named
+from .properties import ICONS, label, preset_named, values
 
 
 class VOLUMETRICS_PT_main(bpy.types.Panel):
@@ -40,6 +42,7 @@ class VOLUMETRICS_PT_main(bpy.types.Panel):
                 if preset.group.applies(parameter.name, current):
                     _field(body, parameter, chosen, parameter.name)
             _field(body, STAGE["orders"], settings, "orders")
+            _derived(body, preset.family, lambda: values(settings))
         for item in items.items(context.scene):
             _item(layout, item)
 
@@ -81,8 +84,29 @@ def _item(layout: bpy.types.UILayout, item: bpy.types.Collection) -> None:
                 _field(body, parameter, socket, "default_value")
         for note in items.notes(item):
             _wrapped(body, note, bpy.context)
+        _derived(body, family, lambda: items.values_of(item))
         if items.can_bake_light(item):
             body.operator("volumetrics.bake_light", icon="RENDER_STILL").item = item.name
+
+
+def _derived(layout: bpy.types.UILayout, family: str, values: Callable[[], dict[str, Any]]) -> None:
+    """What the handles mean physically, in small grey rows; where a driver has left a value's limits, that."""
+    from ..scene import derived
+
+    column = layout.column(align=True)
+    column.active = False
+    column.scale_y = 0.7
+    try:
+        quantities = derived.derived(family, values())
+    except ParameterError as error:
+        column.label(text=str(error), icon="ERROR")
+        return
+    for quantity in quantities:
+        split = column.split(factor=0.5)
+        name = split.column()
+        name.alignment = "RIGHT"
+        name.label(text=quantity.label)
+        split.column().label(text=derived.text(quantity))
 
 
 CLASSES = (VOLUMETRICS_PT_main,)
