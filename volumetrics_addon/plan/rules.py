@@ -165,6 +165,8 @@ def plan(scene: Scene, bodies: Sequence[Body], engine: str, samples: int, *, has
     if result.compositor_fog:
         # A graphics card may not be there, and half floats end at 65504 m.
         result.settings |= {"render.use_compositing": True, "render.compositor_device": "CPU", "render.compositor_precision": "FULL"}
+        if engine == CYCLES:  # the depth is that of the first sample, at the centre of the pixel
+            result.settings |= {"cycles.use_sample_subset": False, "cycles.samples": samples}
     result.channels_apart = any(mixes(a.medium, b.medium) for body in bodies for a, b in combinations(body.volumes, 2))
     if result.channels_apart:
         result.decide("channels apart", "one render in grey for each channel",
