@@ -146,7 +146,8 @@ THICK = {"congestus", "storm", "stratus", "stratocumulus"}
 # Their references take half a minute and more: fine gobos, layers of fog among many bodies, air with bodies in it. In water that
 # scatters forward a sun is noisy.
 SLOW = {"underwater-shafts", "forest-shafts", "cathedral-window", "stadium", "two-layer", "city-haze", "light-haze", "amber-bottle",
-        "underwater", "high-altitude", "mars", "dusty-attic"}
+        "underwater", "high-altitude", "mars", "dusty-attic",
+        "window-shafts"}
 RAYS = {"dusty-attic": 256}  # of the reference: a path tracer's, in a dim room
 
 
