@@ -19,7 +19,7 @@ COLORS = {
     "ray_marching": "#1e8449", "quarter_resolution": "#58b368", "froxels": "#7d9d1f", "light_slices": "#17a589",
     "half_angle_slices": "#7fb3a6", "octaves": "#8e44ad", "ambient_scattering": "#c158b8", "ambient_occlusion": "#d7a1d2",
     "emission_absorption": "#a08fb5", "adding_doubling": "#6e4b1f", "sky_single_scattering": "#5d6d7e", "sky_tables": "#1f4e79",
-    "aerial_perspective": "#5fa8d3", "preetham_sky": "#c0a030",
+    "aerial_perspective": "#5fa8d3", "preetham_sky": "#c0a030", "depth_fog": "#2e8b57", "depth_air": "#003366",
 }
 MARKERS = "oDs^vP*Xph<>"
 INK, FAINT, PAPER = "#1a1a1a", "#c9c4ba", "#fbf9f4"

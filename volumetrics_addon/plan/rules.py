@@ -26,6 +26,9 @@ from .model import CYCLES, EEVEE, Plan
 # fog 0.000 % +- 0.17 % in 3.6 s at 0.3, +0.12 % at 1, +0.23 % at 2, null-scattering 15.4 s at 1.5 times the noise;
 # cumulus -0.00 % +- 0.74 % in 23 s at 0.25, -0.06 % in 14 s at 0.5, null-scattering 51 s at the same noise.
 MARCHING_STEP = 0.3
+# Optical depth of a step through fog at its base, at most: a fog with steps of 0.45 came out +0.36 % [+0.27 %, +0.45 %], with this
+# +0.02 % [-0.19 %, +0.23 %].
+FOG_DEPTH = 0.25
 VOXELS_PER_FEATURE = 2.0  # a grid of voxels changes by much over so many of them
 # Optical depth of a step through voxels, at most: Blender 5 marches them with a transmittance too high by about 1.7 % of
 # this (0.6 % at 0.36, 0.08 % at 0.045); 4.5 by less than 1e-5.
@@ -246,7 +249,7 @@ def _step(volume: Volume) -> float:
     """Length (m) of a step of ray marching; 0 for a medium that needs none or gets none."""
     match volume.medium.density:
         case ExponentialHeight() as density:
-            return MARCHING_STEP * density.scale_height
+            return min(MARCHING_STEP * density.scale_height, FOG_DEPTH / max(max(volume.medium.sigma_t), 1e-300))
         case NoiseShape() as density:
             # The softness turns the slope of the noise into an edge.
             size = density.noise_size
