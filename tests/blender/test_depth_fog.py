@@ -198,3 +198,10 @@ def test_lamps_are_named(scene):
     assert items.warnings(scene, item) == ["point lights do not shine into the compositor's fog; choose the volume for them"]
     assert compositing.STATE in items.live_node(item) and json.loads(items.live_node(item)[compositing.STATE])["had"] is False
     assert math.isclose(items.live_node(item).inputs["Anisotropy g"].default_value, 0.5)
+
+
+def test_the_compositor_is_offered_where_only_suns_shine(scene):
+    item = items.add_item(scene, "fog", FOG | {"realisation": "volume"}, "Fog")
+    assert items.notes(scene, item) == [items.COMPOSITOR_WOULD_DO]
+    scene.collection.objects.link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT")))
+    assert items.notes(scene, item) == []

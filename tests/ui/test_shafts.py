@@ -199,4 +199,5 @@ def test_a_picture_that_is_missing_adds_nothing(wall):
     ({"light": "projector", "far": 4.0, "gobo": "water"}, False), ({"light": "spot"}, True), ({"light": "sun"}, True)])
 def test_the_panel_says_what_eevee_does_otherwise(wall, changes, known):
     item = items.add_item(bpy.context.scene, "godray", changes, "Beam")
-    assert items.notes(item) == ([] if known else ["EEVEE's lights fall off with the square of the distance and have no near or far end"])
+    expected = [] if known else ["EEVEE's lights fall off with the square of the distance and have no near or far end"]
+    assert items.notes(bpy.context.scene, item) == expected

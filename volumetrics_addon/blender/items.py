@@ -31,6 +31,8 @@ from .nodes import socket_factor
 
 KEY = "volumetrics"
 TAG = "volumetrics_item"
+COMPOSITOR_WOULD_DO = ("Only suns light this scene: added with the realisation Compositor, this fog has no noise and costs a moment, but "
+                       "casts no shafts")
 BAKE_SAMPLES = 32  # paths of each voxel: seconds, also with NumPy alone
 # In the order of use: lights free the collections of what they shadow, which hold objects; those free meshes, and those geometry
 # nodes, which free materials, and those shader nodes.
@@ -102,10 +104,15 @@ def effective(item: bpy.types.Collection) -> list[str]:
     return [parameter.name for parameter in family.live if has_effect(parameter.name, values)]
 
 
-def notes(item: bpy.types.Collection) -> list[str]:
-    """What an engine does otherwise than the item's parameters say."""
-    values = values_of(item)
-    if record(item)["family"] != "godray" or values["light"] != "projector":
+def notes(scene: bpy.types.Scene, item: bpy.types.Collection) -> list[str]:
+    """What an engine does otherwise than the item's parameters say, what is left out of this scene, and what would be quicker."""
+    mine, values = record(item), values_of(item)
+    if mine.get("compositor"):
+        return warnings(scene, item)
+    if mine["family"] == "fog" and values["profile"] in ("exponential", "slab") and mine["orders"] == 1:
+        lights = {candidate.data.type for candidate in scene.objects if candidate.type == "LIGHT" and not candidate.hide_render}
+        return [COMPOSITOR_WOULD_DO] if lights == {"SUN"} else []
+    if mine["family"] != "godray" or values["light"] != "projector":
         return []
     # Without pictures: panels ask often.
     plain = assemble.ASSEMBLERS["godray"]({**values, "gobo": "none", "blocker": "none"}, None)

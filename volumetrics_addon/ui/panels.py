@@ -82,7 +82,7 @@ def _item(layout: bpy.types.UILayout, item: bpy.types.Collection) -> None:
         for parameter, socket in zip(FAMILIES[family].live, node.inputs):
             if parameter.name in shown:
                 _field(body, parameter, socket, "default_value")
-        for note in items.notes(item):
+        for note in items.notes(bpy.context.scene, item):
             _wrapped(body, note, bpy.context)
         _derived(body, family, lambda: items.values_of(item))
         if items.can_bake_light(item):
