@@ -102,7 +102,7 @@ def _derived(layout: bpy.types.UILayout, family: str, values: Callable[[], dict[
         column.label(text=str(error), icon="ERROR")
         return
     for quantity in quantities:
-        split = column.split(factor=0.5)
+        split = column.split(factor=0.62)  # longer words than beside handles, and short numbers
         name = split.column()
         name.alignment = "RIGHT"
         name.label(text=quantity.label)
