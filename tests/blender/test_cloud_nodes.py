@@ -44,6 +44,7 @@ def slice_by_cycles(values, half):
     objects.body(Box((0, 0, 0), (half[0], 0.0, half[2])), "cut", material, built.collection)
     built.camera.data.clip_end, built.camera.data.clip_start = 200.0, 1.0
     built.cycles.pixel_filter_type, built.cycles.filter_width = "GAUSSIAN", 0.01
+    built.cycles.use_sample_subset, built.cycles.samples = False, 1  # the first sample, at the centre
     built.render.resolution_x = built.render.resolution_y = SIZE
     return built
 

@@ -147,14 +147,16 @@ THICK = {"congestus", "storm", "stratus", "stratocumulus"}
 # scatters forward a sun is noisy.
 SLOW = {"underwater-shafts", "forest-shafts", "cathedral-window", "stadium", "two-layer", "city-haze", "light-haze", "amber-bottle",
         "underwater", "high-altitude", "mars", "dusty-attic",
-        "window-shafts"}
-RAYS = {"dusty-attic": 256}  # of the reference: a path tracer's, in a dim room
+        "window-shafts", "hazy-city", "golden-hour"}
+SAMPLES = {"headlights": 1024}  # narrow beams seen from beside
+RAYS = {"dusty-attic": 256, "lighthouse": 100}  # of the reference: a path tracer's in a dim room, a narrow beam
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.sweep) if n in THICK | SLOW else n for n in names()])
 def test_cycles_equals_the_reference(name, tmp_path):
     chosen = load(name)
     samples, repeats = QUICK[chosen.family]
+    samples = SAMPLES.get(name, samples)
     result = verify.verify(chosen, "cycles", 32, samples, repeats=repeats, confidence=0.999,
                            reference_samples=RAYS.get(name, 36 if chosen.stage["orders"] > 1 else 16))
     comparison = result.comparison

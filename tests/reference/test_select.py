@@ -15,7 +15,7 @@ from volumetrics_addon.reference.select import NAMES, integrator
 from volumetrics_addon.scene import assemble
 from volumetrics_addon.scene.model import Camera, Dielectric, Ellipsoid, Medium, Scene, Volume
 
-EXPECTED = {"cloud": {"path_tracing"}, "fog": {"single_scattering", "path_tracing"}, "godray": {"single_scattering"},
+EXPECTED = {"cloud": {"path_tracing"}, "fog": {"single_scattering", "path_tracing"}, "godray": {"single_scattering", "path_tracing"},
             "glass": {"dielectric", "single_scattering"}, "air": {"sky_tables", "path_tracing"}}
 
 

@@ -15,7 +15,8 @@ from math import inf, nan, pi
 import numpy as np
 
 from volumetrics_addon.physics import (
-    airlight, ambient_table, atmosphere, grid, opacity_map, phase, phase_fit, preetham, projector, quadrature, slab,
+    airlight, ambient_table, atmosphere, chapman, grid, opacity_map, phase, phase_fit, plane_parallel, preetham, projector,
+    quadrature, slab,
     summed_area, transfer_function, transmittance,
 )  # fmt: skip
 
@@ -994,6 +995,35 @@ QUADRATURES = {
     ),
 }
 
+# Depths above a ray's start and along it, and directions; the ray has to end within the medium.
+PLANE = {"tau": LENGTH, "depth": LENGTH, "mu": COSINE}
+ELEVATIONS = Choice((1, 5, 8), 5, ((0, "0"),))
+
+
+def ends_inside(tau, depth, mu, **_):
+    return tau - mu * depth >= -1e-6 * np.maximum(tau, 1.0)
+
+
+PLANE_PARALLELS = {
+    "vertical_depth": Function(
+        plane_parallel.vertical_depth,
+        {"z": HEIGHT, "sigma_t": SIGMA, "scale_height": Interval(0.0, inf, (*LADDER[1:], inf), 1.0, open=(0.0,)), "base": HEIGHT,
+         "top": finite(HEIGHT.values, 2.0)},
+        NONNEGATIVE,
+        valid=lambda base, top, **_: top > base,
+    ),
+    "single_scattering": Function(
+        plane_parallel.single_scattering,
+        PLANE | {"mu0": Interval(0.0, 1.0, (TINY, 1e-300, 1e-16, 0.5, ALMOST, 1.0), 0.4, open=(0.0,))},
+        NONNEGATIVE, valid=ends_inside),
+    "sky_light": Function(plane_parallel.sky_light, PLANE | G | {"elevations": ELEVATIONS}, NONNEGATIVE, valid=ends_inside,
+                          rounding=1e-12, names={"elevations": "order"}),
+    "sky_transmittance": Function(plane_parallel.sky_transmittance, {"tau": LENGTH, "elevations": ELEVATIONS}, SHARE,
+                                  names={"elevations": "order"}),
+}
+CHAPMANS = {"chapman": Function(chapman.chapman, {"x": positive(), "mu": UP}, NONNEGATIVE)}
+
+
 FUNCTIONS: dict[str, Function] = {
     f"{module}.{name}": function
     for module, functions in (
@@ -1011,6 +1041,8 @@ FUNCTIONS: dict[str, Function] = {
         ("ambient_table", AMBIENT_TABLES),
         ("summed_area", SUMMED_AREAS),
         ("transfer_function", TRANSFER_FUNCTIONS),
+        ("plane_parallel", PLANE_PARALLELS),
+        ("chapman", CHAPMANS),
     )
     for name, function in functions.items()
 }

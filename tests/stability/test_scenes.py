@@ -12,14 +12,14 @@ from .scenes import SCENES, light_on_axis
 SIZE = 3
 # By default an integrator gets one scene in so many, others than the next one, and all those that only some can take.
 SHARE = 4
-ALWAYS = ("ordinary", "glass", "slab", "planet")
+ALWAYS = ("ordinary", "glass", "slab", "fog", "planet")
 
 
 # Integrators with compiled sums, as they are without numba: further keywords of render.
 TWINS = {"single_scattering in NumPy": {}, "path_tracing in NumPy": {"kernel": "numpy"}}
 RENDERED = (*select.NAMES, *TWINS)
 # Refused, see test_path_tracing: its free flights are as short as the medium is dense anywhere in its domain.
-ENDLESS = {("path_tracing in NumPy", "steep height fog")}
+ENDLESS = {("path_tracing in NumPy", "steep height fog"), ("path_tracing in NumPy", "fog of extinction 1e30")}
 
 
 @pytest.fixture(autouse=True)

@@ -141,7 +141,7 @@ def sky_light(build: Tree, tau: Socket, depth: Socket, mu: Socket, g: Socket) ->
     upward = build.math("GREATER_THAN", mu, 0.0)
     way = build.math("DIVIDE", build.math("MULTIPLY", tau, -1.0), build.math("MAXIMUM", mu, 1e-6))
     forward = build.math("MULTIPLY", build.math("MULTIPLY", depth, upward), build.math("EXPONENT", build.math("MAXIMUM", way, -80.0)))
-    return total(build, [*parts, build.math("MULTIPLY", peak, forward)])
+    return build.math("MAXIMUM", total(build, [*parts, build.math("MULTIPLY", peak, forward)]), 0.0)
 
 
 def legendre_polynomial(n: int, x: float) -> float:

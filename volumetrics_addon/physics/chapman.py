@@ -17,5 +17,7 @@ def chapman(x, mu):
     """
     x = checks.positive("x", x, "scale heights", "give the distance from the planet's centre")
     mu = checks.fraction("mu", mu, "give a direction above the horizon")
-    y = mu * np.sqrt(x / 2.0)
-    return np.sqrt(np.pi * x / 2.0) * ERFCX / ((ERFCX - 1.0) * np.sqrt(np.pi) * y + np.sqrt(np.pi * y * y + ERFCX * ERFCX))
+    with np.errstate(under="ignore"):
+        level = np.sqrt(np.pi) * np.sqrt(x / 2.0)
+        y = mu * level
+        return level * ERFCX / ((ERFCX - 1.0) * y + np.hypot(y, ERFCX))

@@ -85,6 +85,8 @@ def view_of(scene: Scene) -> planet.View | str:
         return view
     if any(max(surface.emission) > 0.0 for surface in scene.surfaces):
         return "an emitting surface lights the air"
+    if np.linalg.norm(np.subtract(scene.camera.position, view.center)) > view.planet.top:
+        return "the camera is above the air"
     if scene.lights[0].direction[2] > -1e-3:
         return "the sun is not above the horizon"
     return view
