@@ -69,6 +69,14 @@ def test_ground_in_both_engines():
         assert shown.mean() == pytest.approx(expected.mean(), rel=0.01)
 
 
+def test_what_no_volume_can_show_is_composited_by_itself():
+    for values in ({"start": 5.0}, {"max_opacity": 0.5}, {"sun_tint": [1.0, 0.5, 0.5]}, {"cutoff_distance": 100.0}):
+        scene = verify.scene_of(preset(values | {"realisation": "automatic"}))
+        assert scene.depth_fog is not None and not scene.has_light_transport
+    assert verify.scene_of(preset({"realisation": "automatic"})).depth_fog is None
+    assert verify.scene_of(preset({"start": 5.0, "realisation": "volume"})).depth_fog is None
+
+
 def test_a_depth_fog_has_no_volume():
     with pytest.raises(ValueError, match="profile 'exp' knows the distance alone and has no volume; choose the compositor"):
         verify.scene_of(preset({"profile": "exp", "realisation": "volume"}))

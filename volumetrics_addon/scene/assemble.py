@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..parameters.families import FAMILIES
-from ..parameters.fog import DEPTH_FOGS
+from ..parameters.fog import DEPTH_FOGS, LAYERS
 from .body import Body
 from .families import ASSEMBLERS, air, fog, glass
 from .families.item import Bounds
@@ -31,7 +31,9 @@ def body(family: str, values: Mapping[str, Any], volumes: Iterable[Volume]) -> B
 
 def is_composited(values: Mapping[str, Any]) -> bool:
     """Whether the medium has to be made in the compositor: as chosen, or as no volume can show it."""
-    return values.get("realisation") == "compositor" or values.get("profile") in DEPTH_FOGS
+    if values.get("realisation") == "compositor" or values.get("profile") in DEPTH_FOGS:
+        return True
+    return values.get("realisation") == "automatic" and values.get("profile") in LAYERS[1:] and not fog.depth_fog(values).is_physical
 
 
 def depth_fog(family: str, values: Mapping[str, Any]) -> DepthFog:
