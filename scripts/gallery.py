@@ -30,7 +30,7 @@ from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
 from volumetrics_addon.parameters.preset import Preset, load, names  # noqa: E402
 from volumetrics_addon.plan.model import CYCLES, EEVEE  # noqa: E402
 from volumetrics_addon.reference import path_tracing  # noqa: E402
-from volumetrics_addon.scene.assemble import body  # noqa: E402
+from volumetrics_addon.scene.assemble import bodies  # noqa: E402
 
 SHEETS = {"cloud": "clouds", "glass": "glass", "fog": "fog", "godray": "shafts", "air": "air"}
 ENGINE_NAMES = {CYCLES: "Cycles", EEVEE: "EEVEE", "reference": "path tracing"}
@@ -55,8 +55,8 @@ def picture(preset: Preset, engine: str, size: int, seconds: float) -> np.ndarra
     def shoot(samples: int, **settings: object) -> np.ndarray:
         if engine == "reference":
             return path_tracing.render(scene, width, height, repeats=1, strata=1, samples=samples, seed=1).image
-        bodies = [body(preset.family, preset.parameters, scene.volumes)]
-        return render.render_scene(scene, bodies, preset.label, engine, width, height, samples, settings=settings).images[0]
+        shown = bodies(preset.family, preset.parameters, scene.volumes)
+        return render.render_scene(scene, shown, preset.label, engine, width, height, samples, settings=settings).images[0]
 
     start = time.process_time()
     shown = shoot(FEW)
