@@ -13,11 +13,12 @@ from typing import Any
 import bpy
 
 from ..parameters.families import FAMILIES
-from ..parameters.fog import CONTRAST_DEPTH, DEPTH_FOGS, FAR
+from ..parameters.fog import DEPTH_FOGS, FAR
 from ..physics.plane_parallel import ELEVATIONS, MOMENTS
 from ..physics.quadrature import gauss_legendre
 from ..scene.model import Box
 from .composited import Socket, choose, henyey_greenstein, sun_of, total, tree_of, vector_sum, view_of, with_alpha
+from .families.fog import extinction
 from .nodes import Tree
 
 GENTLE = 1e-3  # below, (1 - exp(-x)) / x is 1 - x / 2 within 2e-7
@@ -103,13 +104,6 @@ def mean_decay(build: Tree, x: Socket) -> Socket:
     """(1 - exp(-x)) / x for x >= 0."""
     divided = build.math("DIVIDE", build.math("SUBTRACT", 1.0, build.math("EXPONENT", build.math("MULTIPLY", x, -1.0))), x)
     return choose(build, build.math("LESS_THAN", x, GENTLE), build.math("MULTIPLY_ADD", x, -0.5, 1.0), divided)
-
-
-def extinction(build: Tree, inputs: Mapping[str, Socket]) -> Socket:
-    """The extinction at the base: the parameter, or CONTRAST_DEPTH / visibility where there is a visibility."""
-    seen = build.math("GREATER_THAN", inputs["visibility"], 0.0)
-    by_visibility = build.math("DIVIDE", CONTRAST_DEPTH, build.math("MAXIMUM", inputs["visibility"], 1e-6))
-    return choose(build, seen, by_visibility, inputs["extinction"])
 
 
 def scattered(build: Tree, tau: Socket, depth: Socket, mu: Socket, mu0: Socket) -> Socket:

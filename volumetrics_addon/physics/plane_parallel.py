@@ -22,7 +22,8 @@ from . import checks
 from .quadrature import gauss_legendre
 
 # Sky light comes from this many elevations, and the phase function has so many moments beside its forward peak. Over random rays in
-# fog of depths up to 4 the error of sky light is then 0.1 % in the mean and 0.9 % (|g| <= 0.6) or 6 % (0.8) of the mean in RMS.
+# fog of depths up to 4 the error of sky light is then, of its mean, 0.1 % in the mean and 0.9 % in RMS for |g| <= 0.6; at 0.8 it is
+# 1 % and 6 %.
 ELEVATIONS, MOMENTS = 5, 9
 ROUNDING = 1e-6  # of depths that a ray's end may lie outside the medium by
 

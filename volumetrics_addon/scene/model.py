@@ -460,9 +460,6 @@ class Camera:
     field_of_view: float
 
 
-DEPTH_FALLOFFS = ("linear", "exp", "exp2")
-
-
 @dataclass(frozen=True)
 class DepthFog:
     """Fog as a compositor makes it, in closed form from the depth of each pixel (reference.depth_fog has the formulas).

@@ -15,11 +15,15 @@ from ..shaders import Outputs, Sockets, one_lobe
 from .cloud import noise_density
 
 
-def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
-    # The visibility counts where it is above 0, live: a division by 0 gives 0 in shader nodes.
+def extinction(build: Tree, inputs: Sockets) -> Any:
+    """The extinction at the base, live: CONTRAST_DEPTH / visibility where that is above 0; a division by 0 gives 0 in nodes."""
     seen = build.math("GREATER_THAN", inputs["visibility"], 0.0)
-    at_base = build.math("ADD", build.math("MULTIPLY", inputs["extinction"], build.math("SUBTRACT", 1.0, seen)),
-                         build.math("DIVIDE", CONTRAST_DEPTH, inputs["visibility"]))
+    return build.math("ADD", build.math("MULTIPLY", inputs["extinction"], build.math("SUBTRACT", 1.0, seen)),
+                      build.math("DIVIDE", CONTRAST_DEPTH, inputs["visibility"]))
+
+
+def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
+    at_base = extinction(build, inputs)
     if values["profile"] == "slab":
         return one_lobe(build, inputs["albedo"], at_base, inputs["g"])
     if values["profile"] == "patch":
