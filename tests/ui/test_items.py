@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-import volumetrics_addon
 from volumetrics_addon.blender import items, settings
 from volumetrics_addon.parameters.families import FAMILIES
 from volumetrics_addon.parameters.preset import load, names
@@ -19,12 +18,7 @@ COLLECTIONS = [p.identifier for p in bpy.data.bl_rna.properties if p.type == "CO
 NO_SETTINGS = {"rna_type", "session_uid", "use_nodes", "display"}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def enabled():
-    volumetrics_addon.register()
-    yield
-    bpy.ops.wm.read_factory_settings()
-    volumetrics_addon.unregister()
+pytestmark = pytest.mark.usefixtures("extension")
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-import volumetrics_addon
 from volumetrics_addon.blender import items, render
 from volumetrics_addon.scene.openings import shaft
 
@@ -17,12 +16,7 @@ TILT, TURN = math.radians(50.0), math.radians(10.0)
 DIRECTION = (math.sin(TURN) * -math.sin(TILT), math.cos(TURN) * math.sin(TILT), -math.cos(TILT))  # of (0, 0, -1) turned
 
 
-@pytest.fixture(scope="module", autouse=True)
-def enabled():
-    volumetrics_addon.register()
-    yield
-    bpy.ops.wm.read_factory_settings()
-    volumetrics_addon.unregister()
+pytestmark = pytest.mark.usefixtures("extension")
 
 
 @pytest.fixture
