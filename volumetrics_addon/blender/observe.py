@@ -143,6 +143,11 @@ def _instances_matter(candidate: bpy.types.Object, materials: dict) -> bool:
 # --- materials ---------------------------------------------------------------------------------------------------
 
 
+def _tree(block: bpy.types.ID) -> bpy.types.NodeTree | None:
+    """The nodes of a material, world or lamp, where it uses them."""
+    return None if compat.current().use_nodes and not block.use_nodes else block.node_tree
+
+
 def _output(tree: bpy.types.NodeTree, kind: str, engine_target: str = "CYCLES") -> bpy.types.Node | None:
     outputs = [node for node in tree.nodes if node.bl_idname == kind and not node.mute]
     exact = [node for node in outputs if getattr(node, "target", "ALL") == engine_target]
@@ -151,8 +156,8 @@ def _output(tree: bpy.types.NodeTree, kind: str, engine_target: str = "CYCLES") 
 
 def _described(material: bpy.types.Material) -> tuple:
     """(output node or None, whether it has a volume, a surface, whether that is opaque, mirrors, emits)."""
-    tree = material.node_tree
-    if tree is None or (compat.current().use_nodes and not material.use_nodes):
+    tree = _tree(material)
+    if tree is None:
         return None, False, True, True, False, False
     output = _output(tree, "ShaderNodeOutputMaterial")
     if output is None:
@@ -354,8 +359,9 @@ def _lamp(candidate: bpy.types.Object) -> Lamp:
     radius = {"SUN": lambda: 0.5 * data.angle, "AREA": lambda: 0.5 * math.hypot(data.size, data.size_y) * max(frame.to_scale())}.get(
         data.type, lambda: data.shadow_soft_size)()
     power = abs(strength) * color
-    if data.use_nodes and data.node_tree is not None and any(node.bl_idname == "ShaderNodeEmission" for node in data.node_tree.nodes):
-        power = math.inf if not _plain_emission(data.node_tree) else power
+    tree = _tree(data)
+    if tree is not None and tree.nodes and not _plain_emission(tree):
+        power = math.inf
     if not getattr(data, "normalize", True):
         power *= {"SUN": 1.0}.get(data.type, max(1.0, 4.0 * math.pi * radius * radius))
     linking = candidate.light_linking
@@ -376,7 +382,7 @@ def _plain_emission(tree: bpy.types.NodeTree) -> bool:
 
 def _world(blender_scene: bpy.types.Scene) -> Medium | None:
     world = blender_scene.world
-    if world is None or world.node_tree is None or (compat.current().use_nodes and not world.use_nodes):
+    if world is None or _tree(world) is None:
         return None
     output = _output(world.node_tree, "ShaderNodeOutputWorld")
     if output is None or not output.inputs["Volume"].is_linked:
@@ -390,7 +396,7 @@ def _environment(blender_scene: bpy.types.Scene) -> float:
     world = blender_scene.world
     if world is None:
         return 0.0
-    if world.node_tree is None or (compat.current().use_nodes and not world.use_nodes):
+    if _tree(world) is None:
         return max(world.color)
     output = _output(world.node_tree, "ShaderNodeOutputWorld")
     if output is None or not output.inputs["Surface"].is_linked:

@@ -152,18 +152,17 @@ def _unseen(scene: Observed, allowed: float) -> Found:
         corners = medium.corners
         if not corners or not medium.editable or medium.moves or medium.has_surface or medium.substance.emits:
             continue
-        hidden_by_room = bool(scene.room) and visibility.distance(corners, scene.room) > 0.0
-        if visibility.in_frame(view, corners, depth) and not hidden_by_room:
+        if _in_picture(scene, corners, depth):
             continue
         if seen is None:  # what is in the picture, as few hulls: found once, and only when a medium is not
             seen = _seen(scene, depth)
         if seen is None or any(solid.moves for solid in scene.solids):
             return None
         bound = 0.0
-        for hull in seen:
-            away = visibility.distance(corners, hull)
+        for hulls in seen:
+            away = max(visibility.distance(corners, hull) for hull in hulls)
             bound = max(bound, taken(medium) * visibility.solid_angle_share(corners, away))
-            if bound > allowed or any(_may_shade(lamp, medium, hull, scene) for lamp in lamps):
+            if bound > allowed or any(all(_may_shade(lamp, medium, hull, scene) for hull in hulls) for lamp in lamps):
                 bound = math.inf
                 break
         if total + bound <= allowed:
@@ -174,17 +173,25 @@ def _unseen(scene: Observed, allowed: float) -> Found:
     return _hidden(names), f"{_listed(names)}: outside the picture, and between no lamp and anything in it", total
 
 
+def _in_picture(scene: Observed, corners: Sequence, depth: float) -> bool:
+    outside = bool(scene.room) and visibility.distance(corners, scene.room) > 0.0
+    return not outside and visibility.in_frame(scene.view, corners, depth)
+
+
 def _seen(scene: Observed, depth: float) -> list[tuple] | None:
     """Hulls that hold what is in the picture: of all solids together, and of each medium. None where something mirrors the rest."""
     view, result = scene.view, []
-    solids = [solid for solid in scene.solids if visibility.in_frame(view, solid.corners, depth)]
+    solids = [solid for solid in scene.solids if _in_picture(scene, solid.corners, depth)]
     if any(solid.reflects for solid in solids):
         return None
     if solids:
         result.append(visibility.cut(view, [corner for solid in solids for corner in solid.corners], depth))
-    result += [visibility.cut(view, medium.corners, depth) for medium in scene.media
-               if medium.corners and visibility.in_frame(view, medium.corners, depth)]
-    return result
+    for medium in scene.media:
+        if not medium.corners:  # a world's is wherever the camera looks
+            result.append((visibility.pyramid(view, 0.0, min(depth, view.clip_end)),))
+        elif _in_picture(scene, medium.corners, depth):
+            result.append(visibility.cut(view, medium.corners, depth))
+    return [(*hulls, scene.room) for hulls in result] if scene.room else result
 
 
 def _may_shade(lamp: Lamp, medium: Medium, hull: Sequence, scene: Observed) -> bool:

@@ -39,11 +39,12 @@ def diagonal(points: Sequence[Vector]) -> float:
 def distance(a: Sequence[Vector], b: Sequence[Vector]) -> float:
     """A lower bound of the distance between two hulls; 0 where they may touch.
 
-    Searches the vector of least length of their difference (Frank and Wolfe 1956; Gilbert 1966): where every difference of points
-    has a part along v of at least h > 0, a slab of that thickness lies between them.
+    At least that of their bounding boxes; and the search for the vector of least length of their difference (Frank and Wolfe 1956;
+    Gilbert 1966): where every difference of points has a part along v of at least h > 0, a slab of that thickness lies between them.
     """
+    (low_a, high_a), (low_b, high_b) = bounds(a), bounds(b)
+    largest = math.hypot(*(max(l - k, m - h, 0.0) for l, h, m, k in zip(low_a, high_a, low_b, high_b)))
     v = subtract(a[0], b[0])
-    largest = 0.0
     for _ in range(TURNS):
         length = math.hypot(*v)
         if length == 0.0:
@@ -105,10 +106,10 @@ def filled_depth(view: View, face: Sequence[Vector]) -> float:
     return result
 
 
-def cut(view: View, points: Sequence[Vector], far: float) -> tuple[Vector, ...]:
-    """A hull that holds the part of the points' hull that is in the picture: the smaller of two."""
+def cut(view: View, points: Sequence[Vector], far: float) -> tuple[Sequence[Vector], ...]:
+    """Hulls that each hold the part of the points' hull that is in the picture: their own, and the view between their depths."""
     low, high = depths(view, points)
-    return pyramid(view, max(low, 0.0), min(high, far, view.clip_end))
+    return points, pyramid(view, max(low, 0.0), min(high, far, view.clip_end))
 
 
 def solid_angle_share(points: Sequence[Vector], away: float) -> float:
