@@ -31,7 +31,7 @@ def state(extension):
 
 def labels():
     layout = MagicMock()
-    context = SimpleNamespace(window_manager=bpy.context.window_manager, scene=bpy.context.scene, preferences=bpy.context.preferences,
+    context = SimpleNamespace(window_manager=bpy.context.window_manager, scene=bpy.context.scene, preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
                               region=SimpleNamespace(width=400))
     VOLUMETRICS_PT_plan.draw(SimpleNamespace(layout=layout), context)
     return [call.kwargs["text"] for call in layout.box.return_value.prop.call_args_list]
