@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every rule by which something is left out of a user's own scene: when it applies, what it costs and what it brings.
+"""Every rule by which something is left out: when it applies, what it costs and what it brings.
 
+RULES are those for a user's own scene, in the order in which they are tried; PRESET_RULES those by which a preset is built.
 ``share`` is the part of the error target that a rule may spend; a rule without one changes no expected value. ``gain`` is the
-measured ratio of processor seconds at equal error on the scene named beside it (``scripts/bench_plan.py``), by engine.
+measured ratio of processor seconds at equal error on the scene named beside it, by engine: ``scripts/bench_plan.py`` for a user's
+own scenes. ``switch`` says how a rule of presets is switched off; those of a user's own scene all are by name.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from .model import CYCLES, ENGINES
+from .model import CYCLES, EEVEE, ENGINES
 
 TARGET = 0.002  # relative error that the rules may add together, where nobody asks for another
 
@@ -27,7 +29,7 @@ class Rule:
     share: float = 0.0
     gain: Mapping[str, float] = field(default_factory=dict)
     shown_by: str = ""
-    by_default: bool = True
+    switch: str = ""
 
 
 RULES = {rule.name: rule for rule in (
@@ -82,4 +84,57 @@ RULES = {rule.name: rule for rule in (
          "more than one frame is rendered",
          "loading the scene again for every frame, in exchange for memory",
          "the picture is the same"),
+)}
+
+BY_NAME = "--without"
+PRESET_RULES = {rule.name: rule for rule in (
+    Rule("compositor fog",
+         "the scene has nothing of a fog but what its depth tells, by an estimate along rays",
+         "the volume; a pass of the compositor stands for it",
+         "0.2 % of the mean in Cycles, 5 % in EEVEE", engines=ENGINES, switch="--fog.realisation volume"),
+    Rule("channels apart",
+         "lobes of different colours mix in one medium",
+         "nothing: three renders in grey",
+         "exact, where the engines mix the lobes by their mean", engines=ENGINES, switch=BY_NAME),
+    Rule("octaves",
+         "the preset's scattering is by octaves",
+         "orders of scattering beyond a dozen",
+         "-11 % to -17 % where the optical depth is above 10, 2 % where clouds are thin",
+         gain={CYCLES: 5.3}, shown_by="cumulus", switch="--cloud.scattering full"),
+    Rule("bounces",
+         "always",
+         "events beyond the orders that the stage follows, and interfaces beyond 64",
+         "the picture is the same", switch="--stage.orders N"),
+    Rule("ray marching",
+         "the medium is heterogeneous, and the engine has null-scattering",
+         "the octree of majorants, and the events that come to nothing",
+         "0.2 %, measured for each kind of density", gain={CYCLES: 9.6}, shown_by="morning-valley", switch=BY_NAME),
+    Rule("representation",
+         "the density is noise",
+         "evaluations of noise at every step, where voxels are quicker to bake and look up",
+         "what voxels lose is the reference's too", gain={CYCLES: 18.8}, shown_by="cumulus", switch="--cloud.representation procedural"),
+    Rule("voxels",
+         "the density is baked",
+         "noise in the engine",
+         "what voxels lose is the reference's too", switch="--cloud.representation procedural"),
+    Rule("analytic path",
+         "the medium is homogeneous",
+         "steps and octrees: free paths have a closed form",
+         "the picture is the same"),
+    Rule("screen tracing",
+         "nothing refracts",
+         "EEVEE's ray tracing in screen space",
+         "the picture is the same", engines=(EEVEE,), switch=BY_NAME),
+    Rule("light enclosure",
+         "a lamp of EEVEE stands beside a medium",
+         "nothing: an empty volume is added",
+         "shadows of the medium on itself, else 24 % too dark or 17 % too bright", engines=(EEVEE,), switch=BY_NAME),
+    Rule("unit of length",
+         "a coefficient is below 1e-4 per metre in EEVEE",
+         "nothing: the scene is built smaller",
+         "what 11-bit floats lose, 5 % and more", engines=(EEVEE,), switch=BY_NAME),
+    Rule("baked light",
+         "EEVEE scatters once, and the scene follows more orders",
+         "EEVEE's own scattering",
+         "-1 % to +6 % instead of -48 % to 0 %", engines=(EEVEE,), switch="--cloud.eevee-light scatter"),
 )}

@@ -67,7 +67,7 @@ def tune(scene: Observed, error: float = TARGET, without: Collection[str] = ()) 
             raise ValueError(f"there is no rule {name!r}; the rules are {', '.join(RULES)}")
     found: list[Advice] = []
     for name, rule in RULES.items():
-        if name in without or scene.engine not in rule.engines or (name not in without and not rule.by_default):
+        if name in without or scene.engine not in rule.engines:
             continue
         changes = _FINDERS[name](scene, rule.share * error)
         if changes is not None:
@@ -398,7 +398,7 @@ def _passes(scene: Observed, allowed: float) -> Found:
     if not scene.unused_passes:
         return None
     changes = tuple(Change("view_layers", layer, path, False) for layer, path in scene.unused_passes)
-    return changes, f"{len(changes)} passes that nothing reads", 0.0
+    return changes, f"{len(changes)} pass{'' if len(changes) == 1 else 'es'} that nothing reads", 0.0
 
 
 def _persistent(scene: Observed, allowed: float) -> Found:
