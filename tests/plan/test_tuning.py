@@ -8,7 +8,7 @@ import pytest
 
 from volumetrics_addon.plan import tuning, visibility
 from volumetrics_addon.plan.catalogue import RULES
-from volumetrics_addon.plan.observed import Lamp, Medium, Observed, Range, Solid, Substance, View
+from volumetrics_addon.plan.observed import Lamp, Medium, Observed, Range, Solids, Substance, View
 
 HAZE = Substance(Range(0.05, 0.05), 0.8, 0.0, False, False, 0.0)
 CLOUD = Substance(Range(0.0, 2.0), 0.9, 0.5, False, True, 0.5)
@@ -140,10 +140,10 @@ def test_a_medium_off_camera_that_shades_the_picture_stays():
 
 def test_what_mirrors_may_show_a_medium_off_camera():
     aside = medium("aside", center=(300.0, 0.0, 0.0))
-    floor = Solid(box((0.0, 0.0, -2.0)))
-    assert advice(scene(medium("seen"), aside, solids=(floor,)), "unseen media")
-    assert advice(scene(medium("seen"), aside, solids=(replace(floor, reflects=True),)), "unseen media") is None
-    assert advice(scene(medium("seen"), aside, solids=(replace(floor, moves=True),)), "unseen media") is None
+    floor = Solids(box((0.0, 0.0, -2.0)))
+    assert advice(scene(medium("seen"), aside, solids=floor), "unseen media")
+    assert advice(scene(medium("seen"), aside, solids=replace(floor, reflects=True)), "unseen media") is None
+    assert advice(scene(medium("seen"), aside, solids=replace(floor, moves=True)), "unseen media") is None
 
 
 def test_a_wall_that_fills_the_picture_hides_what_is_behind():

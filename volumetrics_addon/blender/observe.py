@@ -8,11 +8,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import bpy
+import numpy as np
 from mathutils import Matrix, Vector
 
 from ..plan import visibility
 from ..plan.model import CYCLES, EEVEE
-from ..plan.observed import Lamp, Medium, Observed, Range, Solid, Substance, View
+from ..plan.observed import Lamp, Medium, Observed, Range, Solids, Substance, View
 from . import compat, ranges, settings
 
 PATHS = ("cycles.volume_bounces", "cycles.volume_biased", "cycles.volume_step_rate", "cycles.volume_max_steps", "cycles.use_light_tree",
@@ -65,7 +66,7 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
     if (world := _world(blender_scene)) is not None:
         media.append(world)
     view = _view(blender_scene, engine)
-    solids, faces, room = _surroundings(rest, media, view, materials) if media else ((), (), ())
+    solids, faces, room = _surroundings(rest, media, view, materials) if media else (None, (), ())
     return Observed(
         engine, present, view, tuple(media), tuple(lamps), solids, _environment(blender_scene), faces, room,
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
@@ -430,17 +431,18 @@ def _view(blender_scene: bpy.types.Scene, engine: str) -> View | None:
                 moves(camera) or markers or render.use_motion_blur and moves(camera))
 
 
-def _surroundings(rest: list[bpy.types.Object], media: list[Medium], view: View | None, materials: dict) -> tuple[tuple, tuple, tuple]:
+def _surroundings(rest: list[bpy.types.Object], media: list[Medium], view: View | None, materials: dict) -> tuple[Solids | None, tuple, tuple]:
     """Solids where a medium may be out of the picture, opaque faces that may fill it, and the room around the camera."""
     if view is None:
-        return (), (), ()
+        return None, (), ()
     faces, room = [], ()
-    reach = 0.5 * math.hypot(view.high[0] - view.low[0], view.high[1] - view.low[1])
+    side = min(h - l for l, h in zip(view.low, view.high))  # of the picture, the shorter one
+    reach = 0.5 * side / (1.0 + side)  # of an object's size, to fill the picture: by half, as its origin may be at an end
     for candidate in rest:
         if candidate.type != "MESH" or len(candidate.data.polygons) > MOST_FACES or not candidate.visible_camera:
             continue
         away = math.dist(candidate.matrix_world.translation, view.position)
-        if max(candidate.dimensions) < reach * 0.1 * away:  # cannot fill the picture, nor be around the camera
+        if max(candidate.dimensions) < reach * away:  # cannot fill the picture, nor be around the camera
             continue
         slots = candidate.material_slots
         if not candidate.data.polygons or candidate.modifiers or moves(candidate) or any(
@@ -448,17 +450,38 @@ def _surroundings(rest: list[bpy.types.Object], media: list[Medium], view: View 
             continue
         frame, points = candidate.matrix_world, candidate.data.vertices
         outlines = [tuple(tuple(frame @ points[index].co) for index in polygon.vertices) for polygon in candidate.data.polygons]
-        faces += outlines
+        faces += [face for face in outlines if math.isfinite(visibility.filled_depth(view, face))]
         if not room and _holds(candidate.data, outlines, view.position):
             room = _corners(candidate)
     depth = min((visibility.filled_depth(view, face) for face in faces), default=math.inf)
     out = any(medium.corners and (not visibility.in_frame(view, medium.corners, depth)
-                                  or room and visibility.distance(medium.corners, room) > 0.0) for medium in media)
+                                  or room and visibility.apart(medium.corners, room)) for medium in media)
     if not out:
-        return (), (), ()
-    solids = tuple(Solid(_corners(candidate), moves(candidate), _reflects(candidate, materials)) for candidate in rest)
-    filling = [face for face in faces if math.isfinite(visibility.filled_depth(view, face))]
-    return solids, tuple(filling), room
+        return None, (), ()
+    return _solids(rest, view, depth, room, materials), tuple(faces), room
+
+
+def _solids(rest: list[bpy.types.Object], view: View, depth: float, room: tuple, materials: dict) -> Solids:
+    """What of the objects is in the picture, by the same planes as ``visibility.in_frame``, for all of them at once."""
+    boxes = np.empty((len(bpy.data.objects), 8, 3), np.float32)
+    frames = np.empty((len(bpy.data.objects), 4, 4), np.float32)  # column-major
+    bpy.data.objects.foreach_get("bound_box", boxes.ravel())
+    bpy.data.objects.foreach_get("matrix_world", frames.ravel())
+    places = {candidate.as_pointer(): index for index, candidate in enumerate(bpy.data.objects)}
+    rows = [places[candidate.as_pointer()] for candidate in rest]
+    corners = np.einsum("nck,nkr->ncr", boxes[rows], frames[rows, :3, :3]) + frames[rows, None, 3, :3]
+    x, y, z = ((corners - np.array(view.position)) @ np.array((view.right, view.up, view.back)).T).transpose(2, 0, 1)
+    far = min(depth, view.clip_end)
+    sides = (x + view.high[0] * z, y + view.high[1] * z, -x - view.low[0] * z, -y - view.low[1] * z, z, -z - far)
+    seen = ~np.logical_or.reduce([(side > 0.0).all(axis=1) for side in sides])
+    if room:
+        low, high = visibility.bounds(room)
+        seen &= ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
+    if not seen.any():
+        return Solids((), any(map(moves, rest)))
+    shown = corners[seen]
+    return Solids(visibility.corners(tuple(map(float, shown.min(axis=(0, 1)))), tuple(map(float, shown.max(axis=(0, 1))))),
+                  any(map(moves, rest)), any(_reflects(rest[index], materials) for index in np.flatnonzero(seen)))
 
 
 def _reflects(candidate: bpy.types.Object, materials: dict) -> bool:

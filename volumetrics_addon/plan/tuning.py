@@ -156,7 +156,7 @@ def _unseen(scene: Observed, allowed: float) -> Found:
             continue
         if seen is None:  # what is in the picture, as few hulls: found once, and only when a medium is not
             seen = _seen(scene, depth)
-        if seen is None or any(solid.moves for solid in scene.solids):
+        if seen is None:
             return None
         bound = 0.0
         for hulls in seen:
@@ -174,18 +174,18 @@ def _unseen(scene: Observed, allowed: float) -> Found:
 
 
 def _in_picture(scene: Observed, corners: Sequence, depth: float) -> bool:
-    outside = bool(scene.room) and visibility.distance(corners, scene.room) > 0.0
+    outside = bool(scene.room) and visibility.apart(corners, scene.room)
     return not outside and visibility.in_frame(scene.view, corners, depth)
 
 
 def _seen(scene: Observed, depth: float) -> list[tuple] | None:
     """Hulls that hold what is in the picture: of all solids together, and of each medium. None where something mirrors the rest."""
     view, result = scene.view, []
-    solids = [solid for solid in scene.solids if _in_picture(scene, solid.corners, depth)]
-    if any(solid.reflects for solid in solids):
-        return None
-    if solids:
-        result.append(visibility.cut(view, [corner for solid in solids for corner in solid.corners], depth))
+    if scene.solids is not None:
+        if scene.solids.moves or scene.solids.reflects:
+            return None
+        if scene.solids.corners:
+            result.append(visibility.cut(view, scene.solids.corners, depth))
     for medium in scene.media:
         if not medium.corners:  # a world's is wherever the camera looks
             result.append((visibility.pyramid(view, 0.0, min(depth, view.clip_end)),))
@@ -208,9 +208,9 @@ def _may_shade(lamp: Lamp, medium: Medium, hull: Sequence, scene: Observed) -> b
                       for point in source for signs in visibility.corners((-1.0,) * 3, (1.0,) * 3)]
     else:
         source = visibility.corners(*(tuple(p + sign * lamp.radius for p in lamp.position) for sign in (-1.0, 1.0)))
-        if scene.room and visibility.distance(source, scene.room) > 0.0:
+        if scene.room and visibility.apart(source, scene.room):
             return False  # its light stays outside
-    return visibility.distance(medium.corners, [*hull, *source]) == 0.0
+    return not visibility.apart(medium.corners, [*hull, *source])
 
 
 def _bounces(scene: Observed, allowed: float) -> Found:
