@@ -13,8 +13,9 @@ from mathutils import Matrix, Vector
 
 from ..plan import visibility
 from ..plan.model import CYCLES, EEVEE
-from ..plan.observed import Lamp, Medium, Observed, Range, Solids, Substance, View
+from ..plan.observed import Lamp, Medium, Observed, Range, Solids, Substance, Survey, View
 from . import compat, ranges, settings
+from . import survey as trace
 
 PATHS = ("cycles.volume_bounces", "cycles.volume_biased", "cycles.volume_step_rate", "cycles.volume_max_steps", "cycles.use_light_tree",
          "cycles.use_guiding", "render.use_persistent_data")
@@ -24,6 +25,7 @@ STILL = {"SUBSURF", "BEVEL", "MIRROR", "ARRAY", "SOLIDIFY", "TRIANGULATE", "WEIG
          "WELD", "SKIN", "WIREFRAME", "MULTIRES", "SIMPLE_DEFORM", "DISPLACE", "SMOOTH", "CAST"}
 MOST_FACES = 64  # of a mesh that is looked through for walls
 MIRRORS = 0.3  # roughness below which a surface shows what it mirrors
+FEWEST_LAMPS, MOST_LAMPS, MOST_TRACED = 4, 200, 250  # lamps and objects of a scene whose light paths are traced: a ray asks all objects
 RAYLEIGH_G = 0.15  # of the HG lobe with at least the peak and the contrast of molecules
 
 
@@ -41,8 +43,11 @@ class _Part:
 _UNREAD = _Part(Range(0.0, math.inf, math.inf), 1.0, 0.999, True, True)
 
 
-def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None) -> Observed:
-    """What the planner knows of the scene at its current frame, as one of its view layers renders it."""
+def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None, *, survey: bool = True) -> Observed:
+    """What the planner knows of the scene at its current frame, as one of its view layers renders it.
+
+    With ``survey`` light paths are traced where that is quick, and may find lamps that light nothing in the picture.
+    """
     layer = view_layer or blender_scene.view_layers[0]
     layer.update()
     engine = CYCLES if blender_scene.render.engine == "CYCLES" else EEVEE
@@ -66,9 +71,10 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
     if (world := _world(blender_scene)) is not None:
         media.append(world)
     view = _view(blender_scene, engine)
+    traced = _survey(blender_scene, layer, view, lamps, media, rest, materials) if survey and not instances else None
     solids, faces, room = _surroundings(rest, media, view, materials) if media else (None, (), ())
     return Observed(
-        engine, present, view, tuple(media), tuple(lamps), solids, _environment(blender_scene), faces, room,
+        engine, present, view, tuple(media), tuple(lamps), solids, _environment(blender_scene), traced, faces, room,
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
         unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
@@ -333,11 +339,9 @@ def _medium(candidate: bpy.types.Object, material: bpy.types.Material, described
     size = [h - l for l, h in zip(low, high)]
     smoke = any(modifier.type == "FLUID" for modifier in candidate.modifiers)
     grids = candidate.type == "VOLUME" or smoke
-    reader = ranges.Reader(size, tuple(candidate.matrix_world.to_scale()))
+    own = [part for corner in candidate.bound_box for part in corner]
+    reader = ranges.Reader(size, tuple(candidate.matrix_world.to_scale()), Range(min(own), max(own)), Range(min(low), max(high)))
     part = _volume(described[0].inputs["Volume"], reader, grids=grids)
-    if described[1] and ranges.is_animated(material.node_tree):
-        # Values that keyframes move are ANY wherever they count; what else is animated may be anything.
-        part = _Part(replace(part.sigma, low=0.0), part.albedo, part.g, part.emits, part.textured)
     # A modifier may fill the mesh with voxels.
     step = 0.0 if grids or any(modifier.type == "NODES" for modifier in candidate.modifiers) else 0.1 * sum(size) / 3.0
     return Medium(candidate.name, material.name, _substance(part), corners, moves(candidate), described[2], grids,
@@ -482,6 +486,21 @@ def _solids(rest: list[bpy.types.Object], view: View, depth: float, room: tuple,
     shown = corners[seen]
     return Solids(visibility.corners(tuple(map(float, shown.min(axis=(0, 1)))), tuple(map(float, shown.max(axis=(0, 1))))),
                   any(map(moves, rest)), any(_reflects(rest[index], materials) for index in np.flatnonzero(seen)))
+
+
+def _survey(blender_scene: bpy.types.Scene, layer: bpy.types.ViewLayer, view: View | None, lamps: list[Lamp], media: list[Medium],
+            rest: list[bpy.types.Object], materials: dict) -> Survey | None:
+    if view is None or view.moves or not FEWEST_LAMPS <= len(lamps) <= MOST_LAMPS or len(rest) > MOST_TRACED:
+        return None
+    if any(lamp.moves or not math.isfinite(lamp.power) for lamp in lamps) or any(map(moves, rest)):
+        return None
+    # A ray meets what the viewport shows; a face counts as opaque where all of its object lets no light through.
+    opaque = {candidate.name for candidate in rest if candidate.visible_shadow and candidate.visible_get(view_layer=layer) and all(
+        slot.material is None or _known(slot.material, materials)[3] for slot in candidate.material_slots)}
+    mirrors = any(_reflects(candidate, materials) for candidate in rest)
+    points = [corner for candidate in rest for corner in _corners(candidate)]
+    points += [corner for medium in media for corner in medium.corners] + [lamp.position for lamp in lamps] + [view.position]
+    return trace.survey(blender_scene, layer, view, lamps, media, opaque, mirrors, 2.0 * visibility.diagonal(points))
 
 
 def _reflects(candidate: bpy.types.Object, materials: dict) -> bool:

@@ -115,6 +115,15 @@ class Solids:
 
 
 @dataclass(frozen=True)
+class Survey:
+    """Of each lamp, over places in the picture and on light paths to it: its unshaded light there, the tests whether something is
+    in the way that were drawn in proportion to it, and how many got through."""
+
+    lamps: Mapping[str, tuple[float, int, int]]
+    places: int
+
+
+@dataclass(frozen=True)
 class Observed:
     """The scene: settings by path are read as they are asked for in ``settings``.
 
@@ -129,6 +138,7 @@ class Observed:
     lamps: tuple[Lamp, ...] = ()
     solids: Solids | None = None
     environment: float = 0.0  # radiance of the world, its strongest channel; infinite where it is a picture
+    survey: Survey | None = None
     faces: tuple[tuple[Vector, ...], ...] = ()
     room: tuple[Vector, ...] = ()
     frames: int = 1
