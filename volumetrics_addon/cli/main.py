@@ -167,7 +167,7 @@ def parser(program: str) -> argparse.ArgumentParser:
     fit.add_argument("--keep-mean-cosine", action="store_true", help="the fit has the mean cosine of what is given, exactly")
 
     table = commands.add_parser("table", parents=[common], help="Markdown tables for the documentation")
-    table.add_argument("what", choices=("presets", "parameters", "integrators"))
+    table.add_argument("what", choices=("presets", "parameters", "integrators", "rules"))
     table.add_argument("--from", dest="source", type=Path, default=Path("out"), help="folder of verify's JSON files (out)")
 
     commands.add_parser("doctor", parents=[common], help="what this machine has and what is missing")
@@ -490,7 +490,8 @@ def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
 def _table(arguments: argparse.Namespace, progress: Progress) -> int:
     from . import tables
 
-    made = {"presets": lambda: tables.presets(arguments.source), "parameters": tables.parameters, "integrators": tables.integrators}
+    made = {"presets": lambda: tables.presets(arguments.source), "parameters": tables.parameters, "integrators": tables.integrators,
+            "rules": tables.rules}
     print(made[arguments.what]())
     return OK
 
