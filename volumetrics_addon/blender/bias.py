@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ..compare.statistics import Comparison, Estimate, compare
 from ..plan.effort import CONFIDENCE
 
 REPEATS = 8  # that each measurement begins with, of render and reference
+CLEAR = 0.5  # RMS noise of the small pictures over a bias that is known well enough
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,7 @@ def measure(mine: Source, other: Source, against: str, goal: float, enough: floa
             samples: int = 1, progress: Callable[[str, float], None] | None = None) -> Bias | None:
     """Bias of the pictures that ``mine`` makes, against those of ``other``.
 
-    Images are added to the noisier side until the bias is known to be below ``goal``, or seen and at least twice the noise that
-    could be taken for one; after ``seconds`` a bias below ``enough`` will do, and images that would take more than
+    Images are added to the noisier side until the bias is known to be below ``goal``, or twice the noise; after ``seconds`` a bias below ``enough`` will do, and images that would take more than
     ``most_seconds`` in all are left out. ``noisy``: of ``mine``. ``independent``: the other's pixels share no random numbers.
     None where the pictures have pixels that are not finite, or are black.
     """
@@ -70,19 +71,30 @@ def measure(mine: Source, other: Source, against: str, goal: float, enough: floa
         render = Estimate.from_repeats(images[mine], samples) if noisy else Estimate.exact(images[mine][0])
         truth = Estimate.from_repeats(images[other], independent_pixels=independent)
         compared = compare(render, truth, CONFIDENCE)
-        result = _bias(compared, systematic() / truth.mean_value, against, time.perf_counter() - start)
+        variance = (render.standard_error**2 + truth.standard_error**2).mean(axis=-1) / truth.mean_value**2
+        upper = _upper(compared, variance)
         noises = {mine: float(np.mean(render.standard_error**2)), other: float(np.mean(truth.standard_error**2))}
-        if result.upper <= goal or compared.rmse_denoised > 2.0 * compared.rmse_noise_floor or not any(noises.values()):
-            return result
         noisier = max(noises, key=noises.get)
-        expected = result.seconds + 2.0 * taken[noisier]  # as many again as there are, so that each turn halves the variance
-        if expected > most_seconds or (expected > seconds and result.upper <= enough):
-            return result
-        report(f"bias below {result.upper:.2%}", min(1.0, result.seconds / seconds))
+        elapsed = time.perf_counter() - start
+        expected = elapsed + 2.0 * taken[noisier]  # as many again as there are, so that each turn halves the variance
+        if upper <= goal or float(variance.mean()) <= (CLEAR * compared.rmse_denoised) ** 2 or expected > most_seconds \
+                or (expected > seconds and upper <= enough):
+            found = compared.rmse_denoised if compared.rmse_denoised > compared.rmse_noise_floor else 0.0
+            return Bias(found, upper + systematic() / truth.mean_value, compared.mean_relative_error,
+                        compared.mean_relative_interval, against, images[mine].shape[2], images[mine].shape[1], elapsed)
+        report(f"bias below {upper:.2%}", min(1.0, elapsed / max(seconds, 1e-9)))
         add(noisier)
 
 
-def _bias(comparison: Comparison, systematic: float, against: str, seconds: float) -> Bias:
-    found, floor = comparison.rmse_denoised, comparison.rmse_noise_floor
-    return Bias(found if found > floor else 0.0, math.hypot(found, floor) + systematic, comparison.mean_relative_error,
-                comparison.mean_relative_interval, against, comparison.z.shape[1], comparison.z.shape[0], seconds)
+def _upper(compared: Comparison, variance: np.ndarray) -> float:
+    """What the RMSE stays under: the denoised one, and the quantile of what noise adds to its square.
+
+    The comparison measures the latter from the spread of all pixels, to which a bias that differs between them adds; with
+    variances v of pixels that are independent and Gaussian it has the variance mean(2 v^2 + 4 bias^2 v) over their number.
+    """
+    found = compared.rmse_denoised
+    gaussian = math.sqrt(float(np.mean(2.0 * variance**2 + 4.0 * found**2 * variance)) / variance.size)
+    floor = compared.rmse_noise_floor**2
+    if found**2 > floor:
+        floor = min(floor, NormalDist().inv_cdf(CONFIDENCE) * gaussian)
+    return math.sqrt(found**2 + floor)
