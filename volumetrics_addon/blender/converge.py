@@ -45,6 +45,7 @@ PILOT_SECONDS = 0.3  # of its longest render, at least
 # noise to speak of.
 BIAS_SIZE = {CYCLES: 8, EEVEE: 48}
 BIAS_GOAL, BIAS_ENOUGH = 0.5, 0.8  # of the error: what noise may then have is 87 % and 60 % of it
+LEAST_ERROR = 0.01  # where neither error nor noise says how closely bias is worth knowing
 BIAS_SHARE, BIAS_SECONDS = 0.2, 30.0  # of the time budget; without one, or what the picture takes where that is more
 LEAST_SECONDS = 10.0  # of a budget in which bias is measured
 EEVEE_BIAS_SAMPLES = 64
@@ -440,9 +441,13 @@ def _measure_bias(task: _Task, state: _State, on: Stage, source: Preset | bpy.ty
 
 def _bias_effort(task: _Task, state: _State) -> tuple[float, float, float, float]:
     """The bias worth knowing, the one that will do after so many seconds, and the seconds that finding it may take at most."""
-    error = task.error
-    if error is None:  # the noise that the time allows
-        error = math.sqrt(state.pilot.variance * state.pilot.sample_seconds / task.seconds) if task.engine == CYCLES else 0.01
+    error = task.error or 0.0
+    if task.engine == CYCLES:  # no closer than noise will come
+        samples = task.most_samples
+        if task.seconds is not None:
+            samples = min(samples, task.seconds / max(state.pilot.sample_seconds, 1e-9))
+        error = max(error, math.sqrt(state.pilot.variance / samples))
+    error = error or LEAST_ERROR
     if task.seconds is not None:
         return BIAS_GOAL * error, BIAS_ENOUGH * error, BIAS_SHARE * task.seconds, BIAS_SHARE * task.seconds
     total = effort.schedule(state.pilot, error, most_samples=task.most_samples).seconds if task.engine == CYCLES else 0.0
@@ -543,12 +548,12 @@ def _missed(task: _Task, state: _State, needed: float | None) -> str:
         why = "the time is spent" if _stop(task, state) == "time" else f"the limit is {task.most_samples} samples"
         goal = _noise_goal(task, state)
         factor = (_noise(task, state)[1] / goal) ** 2
-        times = f"{factor:.1f} times the samples and " if math.isfinite(factor) else ""
-        reasons.append(f"{why}, and noise takes {times}about {needed:.0f} s in all to fall below {goal:.2%}")
+        times = f"{factor:.3g} times the samples and " if math.isfinite(factor) else ""
+        reasons.append(f"{why}, and noise takes {times}about {needed:.0f} s in all to fall below {100.0 * goal:.3g}%")
     bias = state.bias
     if bias and bias.upper >= task.error:
         if bias.value >= task.error:
-            reasons.append(f"the bias alone is {bias.value:.2%}, and more samples do not lessen it")
+            reasons.append(f"the bias alone is {100.0 * bias.value:.3g}%, and more samples do not lessen it")
         else:
-            reasons.append(f"the bias is only known to be below {bias.upper:.2%}, and is measured more closely in a longer time")
-    return f"the error of {task.error:.3g} was not reached: {'; '.join(reasons) or 'too few rounds tell their spread'}"
+            reasons.append(f"the bias is only known to be below {100.0 * bias.upper:.3g}%, and is measured more closely in a longer time")
+    return f"the error of {100.0 * task.error:.3g}% was not reached: {'; '.join(reasons) or 'too few rounds tell their spread'}"
