@@ -58,6 +58,17 @@ def test_the_nearer_limit_counts():
         schedule(PLAIN)
 
 
+def test_stratified_samples_count_as_what_they_are():
+    """A variance of 1 / n in renders of n samples: n of them have the error 1 / n, and eight rounds of n take 1 / (n sqrt(8))."""
+    pilot = Pilot(1 / 64, 0.01, 0.0, tuple((n, 1.0 / n) for n in (1, 4, 16, 64)))
+    for noise, samples in ((0.4, 1), (0.2, 2), (0.1, 4), (0.02, 32), (0.012, 32), (0.006, 64)):
+        assert samples == 64 or 1.0 / (samples * math.sqrt(8.0)) <= noise < 2.0 / (samples * math.sqrt(8.0))
+        planned = schedule(effort.resolved(pilot, noise), noise=noise)
+        assert planned.samples == samples and planned.rounds in (8, 9)
+    assert effort.resolved(pilot, 1e-4).variance == 1 / 64  # as few as were measured
+    assert effort.resolved(PLAIN, 0.1) is PLAIN
+
+
 def test_a_picture_without_noise_takes_the_fewest_rounds():
     assert schedule(Pilot(0.0, 0.01, 0.0), noise=0.01).rounds == 8
 

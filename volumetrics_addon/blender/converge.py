@@ -137,7 +137,7 @@ class Checkpoint:
             say(f"{self.path} cannot be read ({error}); starting anew")
             return None
         known = meta["bias"] and Bias(**meta["bias"] | {"interval": tuple(meta["bias"]["interval"])})
-        return _State(meta["samples"], meta["seconds"], meta["pilot"] and Pilot(**meta["pilot"]), known, meta["notes"],
+        return _State(meta["samples"], meta["seconds"], meta["pilot"] and Pilot(**meta["pilot"] | {"by_samples": ()}), known, meta["notes"],
                       [Decision(**values) for values in meta["decisions"]], meta["differences"], rounds)
 
     def save(self, state: _State, seconds: float) -> None:
@@ -285,6 +285,8 @@ def _rounds(task: _Task, state: _State, file: Checkpoint, opened: Callable[[], A
             state.pilot = pilot(on, task.width, task.height, task.seconds)
             _measure_bias(task, state, on, source, scene)
             goal = _noise_goal(task, state)
+            if goal is not None:
+                state.pilot = effort.resolved(state.pilot, goal)
             left = None if task.seconds is None else max(1e-3, task.seconds - task.elapsed())
             planned = effort.schedule(state.pilot, goal, left, most_samples=task.most_samples,
                                       samples=round_samples and min(round_samples, task.most_samples))
@@ -309,21 +311,24 @@ def pilot(on: Stage, width: int, height: int, seconds: float | None = None) -> P
     small = stage.scaled_size(width, height, min(PILOT_SIZE, max(width, height)))
     timed = lambda samples, seed: _timed(lambda: on.shoot(*small, samples, PILOT_SEED + seed))  # noqa: E731
     timed(1, 0)  # what only the first render does
-    _, single = timed(1, 1)
-    samples, longest = 4, max(PILOT_SECONDS, 3.0 * single)
-    if seconds is not None:
-        longest = min(longest, seconds / 20.0)
-    image, taken = timed(samples, 2)
-    while taken < longest and samples < 1 << 14:
+    image, single = timed(1, 1)
+    samples, taken = 1, single
+    longest = max(PILOT_SECONDS, 3.0 * single) if seconds is None else min(max(PILOT_SECONDS, 3.0 * single), seconds / 20.0)
+    variances = []
+    while True:
+        again, taken_again = timed(samples, 2)
+        level = 0.5 * float(image.mean() + again.mean())
+        square = 0.5 * float(np.mean((image - again) ** 2)) * samples
+        variances.append((samples, square / level**2 if level > 0.0 else 0.0))
+        taken = min(taken, taken_again)
+        if samples > 1 and (taken >= longest or samples >= 1 << 14):
+            break
         samples *= 4
-        image, taken = timed(samples, 2)
-    again, taken_again = timed(samples, 3)
-    of_sample = max(0.0, min(taken, taken_again) - single) / (samples - 1)
-    level = 0.5 * float(image.mean() + again.mean())
-    square = 0.5 * float(np.mean((image - again) ** 2)) * samples
+        image, taken = timed(samples, 1)
+    of_sample = max(0.0, taken - single) / (samples - 1)
     pixels = width * height
-    return Pilot(square / level**2 if level > 0.0 else 0.0, of_sample * pixels / (small[0] * small[1]),
-                 max(0.0, single - of_sample) + PIXEL_SECONDS * pixels)
+    return Pilot(variances[-1][1], of_sample * pixels / (small[0] * small[1]),
+                 max(0.0, single - of_sample) + PIXEL_SECONDS * pixels, tuple(variances))
 
 
 def _timed(make: Callable[[], np.ndarray]) -> tuple[np.ndarray, float]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist, fmean, variance
 
 from .rules import MOST_SAMPLES
@@ -26,11 +26,13 @@ CONFIDENCE = 0.95
 @dataclass(frozen=True)
 class Pilot:
     """``variance`` of one sample over the square of the picture's mean; ``sample_seconds`` of one sample of every pixel;
-    ``fixed_seconds`` of each render, however many samples it has."""
+    ``fixed_seconds`` of each render, however many samples it has. ``by_samples``: the variance by the samples of a render, which
+    where Sobol's sequence stratifies well falls with them: measured as (samples, samples times the variance of the render)."""
 
     variance: float
     sample_seconds: float
     fixed_seconds: float
+    by_samples: tuple[tuple[int, float], ...] = ()
 
     def seconds(self, samples: int) -> float:
         """Of one round."""
@@ -44,6 +46,22 @@ class Schedule:
     samples: int
     rounds: int
     seconds: float
+
+
+def resolved(pilot: Pilot, noise: float) -> Pilot:
+    """The pilot with the variance that makes eight rounds of the shortest render that is enough for this noise.
+
+    Enough are n samples, a power of two, where variance(n) <= 8 n noise^2; between the measured n it follows a power law.
+    """
+    for (first, high), (last, low) in zip(pilot.by_samples, pilot.by_samples[1:] + pilot.by_samples[-1:]):
+        samples = first
+        while samples < last or samples == first:
+            share = math.log(samples / first) / math.log(last / first) if last > first else 0.0
+            between = high ** (1.0 - share) * low**share if low > 0.0 else high
+            if between <= ROUNDS * samples * noise**2:
+                return replace(pilot, variance=max(between, ROUNDS * samples * noise**2 * (1.0 + 1e-9)))
+            samples *= 2
+    return pilot
 
 
 def samples_for(variance_of_sample: float, noise: float) -> float:
