@@ -46,9 +46,10 @@ def measure(mine: Source, other: Source, against: str, goal: float, enough: floa
             samples: int = 1, progress: Callable[[str, float], None] | None = None) -> Bias | None:
     """Bias of the pictures that ``mine`` makes, against those of ``other``.
 
-    Images are added to the noisier side until the bias is known to be below ``goal``, or twice the noise; after ``seconds`` a bias below ``enough`` will do, and images that would take more than
-    ``most_seconds`` in all are left out. ``noisy``: of ``mine``. ``independent``: the other's pixels share no random numbers.
-    None where the pictures have pixels that are not finite, or are black.
+    Images are added to the noisier side until the bias is known to be below ``goal``, or stands out at twice the noise of a
+    pixel; after ``seconds`` a bias below ``enough`` will do, and images that would take more than ``most_seconds`` in all are
+    left out. ``noisy``: whether ``mine`` is. ``independent``: the other's pixels share no random numbers. None where the
+    pictures have pixels that are not finite, or are black.
     """
     report = progress or (lambda what, share: None)
     start = time.perf_counter()

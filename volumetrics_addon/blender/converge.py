@@ -2,8 +2,8 @@
 """Render until a stated error is reached, or as far as a time allows; what was interrupted goes on where it stopped.
 
 The error is the relative RMSE of the picture against the converged one, sqrt(mean((x - t)^2)) / mean(t) over pixels and channels:
-noise, measured from the spread of the rounds, and bias, measured once on a small picture, added in quadrature. Each comes with what
-it stays under with 95 % confidence (plan.effort.noise_bound, bias.Bias), and a target is reached when both together are below it.
+noise, measured from the spread of the rounds, and bias, measured once on a small picture, added in quadrature. Each comes with
+what it stays under with 95 % confidence (plan.effort.noise_bound, bias.Bias), and a target is reached when both together are below it.
 
 Cycles renders rounds of equally many samples with the seeds ``seed``, ``seed`` + 1, ... and the picture is their mean. A pilot
 settles the samples of a round, from the variance and times it measures; from there on times decide only where to stop, so that

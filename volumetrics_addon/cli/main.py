@@ -91,7 +91,8 @@ def _seconds(text: str) -> float:
 
 def _image_options(engine: str | None) -> argparse.ArgumentParser:
     image = argparse.ArgumentParser(add_help=False)
-    image.add_argument("--engine", choices=ENGINES, default=engine, help="(cycles; for a .blend file its own)" if engine is None else None)
+    image.add_argument("--engine", choices=ENGINES, default=engine,
+                       help="(cycles; for a .blend file its own)" if engine is None else None)
     image.add_argument("--samples", type=_whole(1, 1 << 24), metavar="N",
                        help=f"samples per pixel and repeat (Cycles {SAMPLES[CYCLES]}, EEVEE {SAMPLES[EEVEE]})")
     image.add_argument("--size", type=_size, metavar="N", help="pixels along the longer side")
@@ -126,14 +127,16 @@ def parser(program: str) -> argparse.ArgumentParser:
     render = commands.add_parser("render", parents=[common, _image_options(None), changes],
                                  help="render a preset or a .blend file to linear 32-bit EXR, to an error or within a time")
     render.add_argument("preset", help="name of a preset, a .toml file, or a .blend file: its scene, camera and settings")
-    render.add_argument("--out", type=Path, help="the EXR to write (NAME-ENGINE.exr); a .png beside it shows it, a .json has the figures")
+    render.add_argument("--out", type=Path, help="the EXR to write (NAME-ENGINE.exr); a .png beside it shows it, "
+                        "a .json has the figures")
     render.add_argument("--error", type=_tolerance, metavar="E", help="render until the relative RMSE, noise and bias, is below this "
                         "with 95 %% confidence, such as 0.01 or 1%%; what was interrupted goes on where it stopped")
     render.add_argument("--time", type=_seconds, metavar="T", help="the best picture within a time, or the longest that --error may "
                         "take, such as 60s, 5m or 2h")
     render.add_argument("--round-samples", type=_whole(1, 1 << 23), metavar="N",
                         help="with --error or --time: samples of each of the renders that are averaged, instead of what a pilot finds")
-    render.add_argument("--max-samples", type=_whole(1, 1 << 24), metavar="N", help="with --error or --time: limit of all samples of a pixel")
+    render.add_argument("--max-samples", type=_whole(1, 1 << 24), metavar="N",
+                        help="with --error or --time: limit of all samples of a pixel")
     render.add_argument("--frame", type=_whole(-1048574, 1048574), metavar="N", help="frame of a .blend file (its current one)")
     render.add_argument("--force", action="store_true", help="render again although nothing has changed, and from the beginning")
 
