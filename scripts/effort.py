@@ -32,7 +32,8 @@ def main() -> int:
     parser.add_argument("--targets", default="10%,5%")
     parser.add_argument("--seeds", type=_whole(1, 1000), default=2)
     parser.add_argument("--size", type=_whole(1, 512), default=16)
-    parser.add_argument("--rays", type=_whole(1, 1 << 16), default=1024, help="of the reference, for each of its pixels and eight repeats")
+    parser.add_argument("--rays", type=_whole(1, 1 << 16), default=1024,
+                        help="of the reference, for each of its pixels and eight repeats")
     arguments = parser.parse_args()
     targets = [_tolerance(text) for text in arguments.targets.split(",")]
     print("| preset | target | stated | at most | measured | noise of the reference | rounds x samples | seconds |")

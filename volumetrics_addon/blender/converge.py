@@ -3,12 +3,13 @@
 
 The error is the relative RMSE of the picture against the converged one, sqrt(mean((x - t)^2)) / mean(t) over pixels and channels:
 noise, measured from the spread of the rounds, and bias, measured once on a small picture, added in quadrature. Each comes with
-what it stays under with 95 % confidence (plan.effort.noise_bound, bias.Bias), and a target is reached when both together are below it.
+what it stays under with 95 % confidence (plan.effort.noise_bound, bias.Bias), and a target is reached when both together are
+below it.
 
 Cycles renders rounds of equally many samples with the seeds ``seed``, ``seed`` + 1, ... and the picture is their mean. A pilot
 settles the samples of a round, from the variance and times it measures; from there on times decide only where to stop, so that
-equally many rounds of equally many samples are the same pixels to the last bit. EEVEE has no seeds: it climbs a ladder of pictures
-with four times the samples each, whose differences tell the noise (plan.effort.ladder_error).
+equally many rounds of equally many samples are the same pixels to the last bit. EEVEE has no seeds: it climbs a ladder of
+pictures with four times the samples each, whose differences tell the noise (plan.effort.ladder_error).
 """
 
 from __future__ import annotations
@@ -137,7 +138,8 @@ class Checkpoint:
             say(f"{self.path} cannot be read ({error}); starting anew")
             return None
         known = meta["bias"] and Bias(**meta["bias"] | {"interval": tuple(meta["bias"]["interval"])})
-        return _State(meta["samples"], meta["seconds"], meta["pilot"] and Pilot(**meta["pilot"] | {"by_samples": ()}), known, meta["notes"],
+        pilot = meta["pilot"] and Pilot(**meta["pilot"] | {"by_samples": ()})
+        return _State(meta["samples"], meta["seconds"], pilot, known, meta["notes"],
                       [Decision(**values) for values in meta["decisions"]], meta["differences"], rounds)
 
     def save(self, state: _State, seconds: float) -> None:
@@ -191,7 +193,7 @@ def render(source: Preset | bpy.types.Scene, engine: str, width: int, height: in
            progress: Progress | None = None, say: Say | None = None) -> Converged:
     """Render a preset, or a scene of the open file, until its relative error is ``error`` or ``seconds`` are spent.
 
-    ``scene``: a preset's Scene (``verify.scene_of`` makes it). ``round_samples``: samples of a round instead of those a pilot finds.
+    ``scene``: a preset's Scene (``verify.scene_of`` makes it). ``round_samples``: samples of a round, not those a pilot finds.
     ``most_samples``: limit of all samples of a pixel. ``checkpoint``: file from which an interrupted render goes on, and to which
     it is saved; ``digest`` tells whose it is (``identity``), and for a Blender scene has to be given with it. It is removed
     when the target is reached, and kept where time or samples ended first, for a longer run. ``prepare`` is called with a
@@ -560,5 +562,6 @@ def _missed(task: _Task, state: _State, needed: float | None) -> str:
         if bias.value >= task.error:
             reasons.append(f"the bias alone is {100.0 * bias.value:.3g}%, and more samples do not lessen it")
         else:
-            reasons.append(f"the bias is only known to be below {100.0 * bias.upper:.3g}%, and is measured more closely in a longer time")
+            reasons.append(f"the bias is only known to be below {100.0 * bias.upper:.3g}%, and is measured more closely in "
+                           "a longer time")
     return f"the error of {100.0 * task.error:.3g}% was not reached: {'; '.join(reasons) or 'too few rounds tell their spread'}"

@@ -84,7 +84,8 @@ def of_scene(scene: bpy.types.Scene, engine: str, quiet: bool = True, changes: M
     files = [(node, node.mute) for node in tree.nodes if node.bl_idname == "CompositorNodeOutputFile"] if tree else []
     before = settings.apply(scene, wanted)
     decisions = [Decision("rounds", what, "the error is measured from renders that are independent and equally long")
-                 for path, what in (("cycles.use_adaptive_sampling", "adaptive sampling off"), ("cycles.use_denoising", "denoising off"))
+                 for path, what in (("cycles.use_adaptive_sampling", "adaptive sampling off"),
+                                    ("cycles.use_denoising", "denoising off"))
                  if engine == CYCLES and before[path]]
     try:
         image.color_management = "FOLLOW_SCENE"

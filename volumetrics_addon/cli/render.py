@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``volumetrics render``: a preset or a .blend file, at so many samples or to an error, and not again when nothing has changed."""
+"""``volumetrics render``: a preset or a .blend file, at so many samples or to an error, and not again if unchanged."""
 
 from __future__ import annotations
 
@@ -161,13 +161,15 @@ class _OfBlend:
 # --- how ------------------------------------------------------------------------------------------------------------
 
 
-def _sampled(arguments: argparse.Namespace, subject: Any, checkpoint: Path, progress: Any, say: Any) -> tuple[dict[str, Any], Any]:
+def _sampled(arguments: argparse.Namespace, subject: Any, checkpoint: Path, progress: Any,
+             say: Any) -> tuple[dict[str, Any], Any]:
     samples = arguments.samples or subject.own_samples
     image, seconds, decisions = subject.shoot(samples, lambda share: progress(subject.engine, share))
     return {"samples": samples, "seconds": seconds, "decisions": [vars(decision) for decision in decisions]}, image
 
 
-def _converged(arguments: argparse.Namespace, subject: Any, checkpoint: Path, progress: Any, say: Any) -> tuple[dict[str, Any], Any]:
+def _converged(arguments: argparse.Namespace, subject: Any, checkpoint: Path, progress: Any,
+             say: Any) -> tuple[dict[str, Any], Any]:
     from ..blender import converge
 
     result = converge.render(
@@ -180,7 +182,8 @@ def _converged(arguments: argparse.Namespace, subject: Any, checkpoint: Path, pr
 # --- what is kept beside the picture ----------------------------------------------------------------------------------
 
 
-def _write(out: Path, image: Any, exposure: float, figures: dict[str, Any], request: dict[str, Any], files: dict[str, str]) -> None:
+def _write(out: Path, image: Any, exposure: float, figures: dict[str, Any], request: dict[str, Any],
+           files: dict[str, str]) -> None:
     """Picture, preview and figures; each file appears whole or not at all, the figures last."""
     from ..blender import identity, render
     from ..compare.png import write_png
@@ -191,8 +194,8 @@ def _write(out: Path, image: Any, exposure: float, figures: dict[str, Any], requ
     render.write_exr(out.absolute(), image)
     write_png(out.with_suffix(".png"), display(image, exposure))
     with render.whole_file(sidecar) as partial:
-        partial.write_text(json.dumps({**figures, "request": request, "files": files, "exr_digest": identity.of_file(out)}, indent=2)
-                           + "\n", encoding="utf-8")
+        kept = {**figures, "request": request, "files": files, "exr_digest": identity.of_file(out)}
+        partial.write_text(json.dumps(kept, indent=2) + "\n", encoding="utf-8")
 
 
 def _unchanged(out: Path, request: dict[str, Any]) -> dict[str, Any] | None:
