@@ -10,7 +10,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from volumetrics_addon import verify  # noqa: E402
-from volumetrics_addon.blender import bias, compat, converge, identity, render, settings, stage  # noqa: E402
+from volumetrics_addon.blender import bias, compat, converge, files, identity, render, settings, stage  # noqa: E402
 from volumetrics_addon.parameters.preset import load  # noqa: E402
 
 GLASS = load("emerald-sphere")  # noisy, and quick in engine and reference
@@ -179,8 +179,8 @@ def test_a_file_is_opened_at_its_frame_and_known_by_what_it_holds(scene, tmp_pat
     path = tmp_path / "scene.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     first = identity.of_blend(path, None, None, None, 0)
-    opened = stage.open_file(path)
-    assert opened.frame_current == 5 and stage.open_file(path, 9).frame_current == 9
+    opened = files.open_scene(path)
+    assert opened.frame_current == 5 and files.open_scene(path, frame=9).frame_current == 9
     assert first == identity.of_blend(path, None, None, None, 0)
     others = {identity.of_blend(path, *request) for request in (
         ("cycles", None, None, 0), (None, 9, None, 0), (None, None, 32, 0), (None, None, None, 1))}
@@ -189,7 +189,7 @@ def test_a_file_is_opened_at_its_frame_and_known_by_what_it_holds(scene, tmp_pat
     assert len(others | {first, identity.of_blend(path, None, None, None, 0)}) == 6
     (tmp_path / "no.blend").write_bytes(b"no")
     with pytest.raises(ValueError, match="no.blend cannot be opened"):
-        stage.open_file(tmp_path / "no.blend")
+        files.open_scene(tmp_path / "no.blend")
 
 
 def test_files_that_a_scene_uses_count(scene, tmp_path):

@@ -363,10 +363,10 @@ def test_restoring_after_save_and_load(scene, tmp_path):
 
 
 def test_opening_what_is_no_scene(scene, tmp_path):
-    with pytest.raises(OSError, match="there is no file"):
+    with pytest.raises(ValueError, match="there is no such file"):
         files.open_scene(tmp_path / "none.blend")
     (tmp_path / "text.blend").write_text("not a blend")
-    with pytest.raises(OSError, match="cannot be opened"):
+    with pytest.raises(ValueError, match="cannot be opened"):
         files.open_scene(tmp_path / "text.blend")
     files.save(tmp_path / "real.blend")
     with pytest.raises(ValueError, match="no scene 'Other'; it has 'Scene'"):

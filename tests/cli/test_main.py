@@ -103,7 +103,8 @@ def test_show_writes_a_preset_that_the_command_line_changed(tmp_path, capsys):
 
 
 def test_every_declared_parameter_has_an_option_that_shows_its_limits():
-    assert set(COMMANDS) == {"list", "show", "render", "verify", "tour", "integrators", "bench", "fit-phase", "table", "doctor"}
+    assert set(COMMANDS) == {"list", "show", "render", "verify", "tour", "plan", "integrators", "bench", "fit-phase", "table",
+                             "doctor"}
     checked, commands = 0, parser("volumetrics")
     for verb in ("show", "render", "verify"):
         for group in (*FAMILIES.values(), STAGE):
@@ -344,6 +345,13 @@ def test_render_a_blend_file(blend, tmp_path, capsys):
     text = capsys.readouterr().out
     assert "16 x 8" in text and "against itself with four times the samples" in text
     assert channels_of(out)[0].shape == (8, 16, 3)
+    assert main(["render", str(blend), "--out", str(out), "--plan", "--without", "persistent data", "--json"]) == OK
+    planned = json.loads(capsys.readouterr().out)["decisions"]
+    assert "light tree" in {d["rule"] for d in planned} and "persistent data" not in {d["rule"] for d in planned}
+    assert main(["render", str(blend), "--out", str(out), "--plan", "1%", "--error", "20%", "--size", "8", "--json"]) == OK
+    assert "light tree" in {d["rule"] for d in json.loads(capsys.readouterr().out)["decisions"]}
+    assert main(["render", str(blend), "--out", str(out), "--without", "light tree"]) == USAGE
+    assert "give both for a .blend file" in capsys.readouterr().err
     bad = tmp_path / "bad.blend"
     bad.write_bytes(b"not a blend file")
     assert main(["render", str(bad), "--out", str(tmp_path / "y.exr")]) == USAGE

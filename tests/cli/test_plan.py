@@ -8,7 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from volumetrics_addon.blender import compat, files, tuning  # noqa: E402
-from volumetrics_addon.cli.main import FAILED, OK, USAGE, main  # noqa: E402
+from volumetrics_addon.cli.main import OK, USAGE, main  # noqa: E402
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_an_engine_of_choice(scene_file, capsys):
     (["--without", "speed"], USAGE, "no rule 'speed'"),
     (["--scene", "Other"], USAGE, "no scene 'Other'"),
     (["--out", "x.exr"], USAGE, "end the name with .blend"),
-    (["--error", "0"], USAGE, "0 is not allowed"),
+    (["--error", "0"], USAGE, "0 is not allowed"), (["--samples", "9"], USAGE, "--samples is for presets"),
 ])
 def test_what_is_refused(scene_file, capsys, arguments, code, message):
     assert main(["plan", str(scene_file), *arguments]) == code
@@ -83,15 +83,19 @@ def test_what_is_refused(scene_file, capsys, arguments, code, message):
 
 
 def test_a_file_that_is_none(tmp_path, capsys):
-    assert main(["plan", str(tmp_path / "none.blend")]) == FAILED
-    assert "there is no file" in capsys.readouterr().err
+    assert main(["plan", str(tmp_path / "none.blend")]) == USAGE
+    assert "there is no such file" in capsys.readouterr().err
 
 
 def test_the_plan_of_a_preset(capsys):
-    assert main(["plan", "morning-valley"]) == OK
+    assert main(["plan", "morning-valley", "--size", "64", "--samples", "16"]) == OK
     text = capsys.readouterr().out
     assert "Morning valley" in text and "ray marching: steps of" in text and "off with --without 'ray marching'" in text
-    assert main(["plan", "morning-valley", "--without", "ray marching", "--json"]) == OK
+    large = ["plan", "morning-valley", "--size", "1024", "--samples", "16"]
+    assert main(large) == OK
+    assert ("null-scattering: no steps" in capsys.readouterr().out) == (bpy.app.version >= (5, 0, 0))
+    assert main([*large, "--without", "null-scattering"]) == OK and "ray marching: steps of" in capsys.readouterr().out
+    assert main(["plan", "morning-valley", "--without", "ray marching", "--json", "--size", "64"]) == OK
     rules = json.loads(capsys.readouterr().out)["rules"]
     assert [rule["rule"] for rule in rules] == (["bounces"] if bpy.app.version >= (5, 0, 0) else ["bounces", "ray marching"])
 

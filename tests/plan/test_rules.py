@@ -148,6 +148,15 @@ def test_rules_are_switched_off_by_name(rule, name, engine, check):
     assert rule not in rules(without) and check(without)
 
 
+def test_large_pictures_of_fog_are_not_marched():
+    assert made("morning-valley", "cycles", paths=1e5).settings["cycles.volume_biased"]
+    large = made("morning-valley", "cycles", paths=1e7)
+    assert not large.settings["cycles.volume_biased"] and "null-scattering" in rules(large)
+    assert made("morning-valley", "cycles", paths=1e7, without=("null-scattering",)).settings["cycles.volume_biased"]
+    assert "ray marching" in rules(made("morning-valley", "cycles", paths=1e7, has_null_scattering=False))
+    assert made("cumulus", "cycles", paths=1e12).settings["cycles.volume_biased"]  # thick clouds come out too bright without
+
+
 def test_without_null_scattering_there_is_nothing_but_marching():
     made_so = made("morning-valley", "cycles", has_null_scattering=False, without=("ray marching",))
     assert "ray marching" in rules(made_so) and made_so.volume_settings[0]["volume_step_rate"] < 1.0

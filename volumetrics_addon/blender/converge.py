@@ -18,7 +18,7 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -53,6 +53,7 @@ EEVEE_BIAS_SAMPLES = 64
 PILOT_SEED = 1 << 30  # and upwards: none of a picture's own
 FIRST_RUNG, RUNG = 4, 4  # samples of EEVEE's first picture, and the factor to the next
 MOST_EEVEE_SAMPLES = 1 << 14
+ROUND = 64  # samples for which the plan of a preset is made, before a pilot has found those of a round
 SAVE_SECONDS = 5.0  # between two checkpoints
 HEAVY = 0.5  # share of the spread that one round may have before it is told
 # Seconds of writing and reading a picture, for each of its pixels: part of every round, and too little to see in a pilot.
@@ -189,7 +190,8 @@ class _Task:
 def render(source: Preset | bpy.types.Scene, engine: str, width: int, height: int, *, error: float | None = None,
            seconds: float | None = None, scene: Scene | None = None, seed: int = 0, round_samples: int | None = None,
            most_samples: int | None = None, checkpoint: Path | None = None, digest: str | None = None,
-           save_seconds: float = SAVE_SECONDS, prepare: Callable[[bpy.types.Scene], None] | None = None, quiet: bool = True,
+           save_seconds: float = SAVE_SECONDS, prepare: Callable[[bpy.types.Scene], None] | None = None,
+           without: Collection[str] = (), quiet: bool = True,
            progress: Progress | None = None, say: Say | None = None) -> Converged:
     """Render a preset, or a scene of the open file, until its relative error is ``error`` or ``seconds`` are spent.
 
@@ -197,7 +199,7 @@ def render(source: Preset | bpy.types.Scene, engine: str, width: int, height: in
     ``most_samples``: limit of all samples of a pixel. ``checkpoint``: file from which an interrupted render goes on, and to which
     it is saved; ``digest`` tells whose it is (``identity``), and for a Blender scene has to be given with it. It is removed
     when the target is reached, and kept where time or samples ended first, for a longer run. ``prepare`` is called with a
-    Blender scene before its first render. Times count from the call, and over interruptions.
+    Blender scene before its first render; ``without`` names rules of a preset's plan that are switched off. Times count from the call, and over interruptions.
 
     Raises ValueError on values out of range, RenderError when the engine fails.
     """
@@ -218,7 +220,7 @@ def render(source: Preset | bpy.types.Scene, engine: str, width: int, height: in
     if state is not None:
         resumed, task.spent = state.rounds.count, state.seconds
         task.say(f"going on from {checkpoint}: {_done(engine, state)} in {state.seconds:.0f} s")
-    opened = _opener(source, scene, engine, seed, quiet, prepare)
+    opened = _opener(source, scene, engine, seed, quiet, prepare, ROUND * width * height, without)
     try:
         if state is None:
             state = _State()
@@ -259,11 +261,12 @@ def _done(engine: str, state: _State) -> str:
 
 
 def _opener(source: Preset | bpy.types.Scene, scene: Scene | None, engine: str, seed: int, quiet: bool,
-            prepare: Callable[[bpy.types.Scene], None] | None) -> Callable[[], AbstractContextManager[Stage]]:
+            prepare: Callable[[bpy.types.Scene], None] | None, paths: float,
+            without: Collection[str]) -> Callable[[], AbstractContextManager[Stage]]:
     """A stage to render on, made when it is first needed."""
     if not isinstance(source, Preset):
         return lambda: stage.of_scene(source, engine, quiet, prepare=prepare)
-    return lambda: stage.of_preset(source, _scene_of(source, scene, engine), engine, seed, quiet)
+    return lambda: stage.of_preset(source, _scene_of(source, scene, engine), engine, seed, quiet, paths, without)
 
 
 def _scene_of(preset: Preset, scene: Scene | None, engine: str) -> Scene:

@@ -8,26 +8,31 @@ from pathlib import Path
 import bpy
 
 from ..plan.model import CYCLES
-from . import compat
+from . import compat, render
 
 
-def open_scene(path: Path, name: str | None = None, engine: str | None = None) -> bpy.types.Scene:
-    """Open the file without running its scripts; the scene of that name, or the one that the file shows.
+def open_scene(path: Path, name: str | None = None, engine: str | None = None, frame: int | None = None,
+               quiet: bool = True) -> bpy.types.Scene:
+    """Open the file without running its scripts; the scene of that name, or the one that the file shows, at its frame or this one.
 
-    With ``engine`` the scene is set to it. Raises ValueError where the file has no such scene, OSError where it cannot be read.
+    With ``engine`` the scene is set to it. Raises ValueError for a file that this Blender cannot open or that has no such scene.
     """
     path = Path(path).absolute()
     if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}; give the name of a .blend file")
+        raise ValueError(f"{path}: there is no such file; give the name of a .blend file")
     try:
-        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+        with render.silenced(quiet):
+            bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
     except RuntimeError as error:
-        raise OSError(f"{path} cannot be opened: {str(error).strip()}; is it a .blend file?") from error
+        raise ValueError(f"{path} cannot be opened: {str(error).strip()}; is it a .blend file of this Blender or an older "
+                         "one?") from None
     found = bpy.context.scene if name is None else bpy.data.scenes.get(name)
     if found is None:
         raise ValueError(f"{path.name} has no scene {name!r}; it has {', '.join(repr(scene.name) for scene in bpy.data.scenes)}")
     if engine is not None:
         found.render.engine = "CYCLES" if engine == CYCLES else compat.current().eevee
+    if frame is not None:
+        found.frame_set(frame)
     return found
 
 

@@ -154,13 +154,14 @@ def _interruptible(folder: str, message: str) -> Iterator[None]:
 
 
 def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, samples: int, *, seed: int = 0,
-           repeats: int = 1, quiet: bool = True, progress: Callable[[float], None] | None = None) -> Rendered:
+           repeats: int = 1, quiet: bool = True, without: Collection[str] = (),
+           progress: Callable[[float], None] | None = None) -> Rendered:
     """Render the preset's stage ``repeats`` times with consecutive seeds (EEVEE is deterministic: one repeat is made).
 
     Raises RenderError when the engine writes no image.
     """
     rendered = render_scene(scene, bodies(preset.family, preset.parameters, scene.volumes), preset.label, engine, width, height,
-                            samples, seed=seed, repeats=repeats, quiet=quiet, progress=progress)
+                            samples, seed=seed, repeats=repeats, quiet=quiet, without=without, progress=progress)
     _explain_representation(preset, engine, width * height * samples * repeats, rendered.plan)
     return rendered
 
@@ -168,7 +169,7 @@ def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, s
 def plan_of(preset: Preset, scene: Scene, engine: str, width: int, height: int, samples: int, without: Collection[str] = ()) -> Plan:
     """The plan by which ``render`` would show the preset, with rules switched off by name."""
     plan = make_plan(scene, bodies(preset.family, preset.parameters, scene.volumes), engine, samples,
-                     has_null_scattering=compat.current().volume_biased, without=without)
+                     has_null_scattering=compat.current().volume_biased, paths=width * height * samples, without=without)
     _explain_representation(preset, engine, width * height * samples, plan)
     for volume in scene.volumes:
         if engine != CYCLES and not plan.compositor_fog and (reason := bakes_light(scene, volume, preset.parameters)):
@@ -199,8 +200,9 @@ def _baked_light(scene: Scene, bodies: Sequence[Body], plan: Plan, seed: int) ->
 
 def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, width: int, height: int, samples: int, *,
                  settings: Mapping[str, Any] | None = None, seed: int = 0, repeats: int = 1, quiet: bool = True,
-                 progress: Callable[[float], None] | None = None) -> Rendered:
-    """Render a Scene whose volumes are these bodies; ``settings`` by path go over those of the plan.
+                 without: Collection[str] = (), progress: Callable[[float], None] | None = None) -> Rendered:
+    """Render a Scene whose volumes are these bodies; ``settings`` by path go over those of the plan, ``without`` names rules of it
+    that are switched off.
 
     Raises RenderError when the engine writes no image.
     """
@@ -208,7 +210,8 @@ def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, 
         repeats = 1
     start = time.perf_counter()
     report = progress or (lambda share: None)
-    with staged(scene, bodies, label, engine, samples, settings=settings, seed=seed) as (plan, built):
+    with staged(scene, bodies, label, engine, samples, settings=settings, seed=seed, paths=width * height * samples,
+                without=without) as (plan, built):
         parts = [render_built(one, width, height, seed=seed, repeats=repeats, quiet=quiet,
                               progress=lambda share, index=index: report((index + share) / len(built)))
                  for index, one in enumerate(built)]
@@ -217,10 +220,12 @@ def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, 
 
 @contextmanager
 def staged(scene: Scene, bodies: Sequence[Body], label: str, engine: str, samples: int, *,
-           settings: Mapping[str, Any] | None = None, seed: int = 0) -> Iterator[tuple[Plan, list[bpy.types.Scene]]]:
+           settings: Mapping[str, Any] | None = None, seed: int = 0, paths: float = 0.0,
+           without: Collection[str] = ()) -> Iterator[tuple[Plan, list[bpy.types.Scene]]]:
     """The plan and the Blender scene of a Scene, or three scenes in grey where the plan renders its channels apart; they are
     removed at the end."""
-    plan = make_plan(scene, bodies, engine, samples, has_null_scattering=compat.current().volume_biased)
+    plan = make_plan(scene, bodies, engine, samples, has_null_scattering=compat.current().volume_biased, paths=paths,
+                     without=without)
     plan.settings.update(settings or {})
     with build.temporary():
         if plan.channels_apart:

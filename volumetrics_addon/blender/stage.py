@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -51,10 +50,11 @@ class Stage:
 
 
 @contextmanager
-def of_preset(preset: Preset, scene: Scene, engine: str, seed: int = 0, quiet: bool = True) -> Iterator[Stage]:
-    """A preset's stage, as ``verify.scene_of`` makes its Scene; removed at the end."""
+def of_preset(preset: Preset, scene: Scene, engine: str, seed: int = 0, quiet: bool = True, paths: float = 0.0,
+              without: Collection[str] = ()) -> Iterator[Stage]:
+    """A preset's stage, as ``verify.scene_of`` makes its Scene, for pictures of so many camera paths; removed at the end."""
     bodies = assemble.bodies(preset.family, preset.parameters, scene.volumes)
-    with render.staged(scene, bodies, preset.label, engine, 1, seed=seed) as (plan, built):
+    with render.staged(scene, bodies, preset.label, engine, 1, seed=seed, paths=paths, without=without) as (plan, built):
         yield Stage(engine, built, plan.compositor_fog, quiet, decisions=plan.decisions)
 
 
@@ -103,23 +103,6 @@ def of_scene(scene: bpy.types.Scene, engine: str, quiet: bool = True, changes: M
         settings.restore(scene, before)
         for name, value in image_before:
             setattr(image, name, value)
-
-
-def open_file(path: Path, frame: int | None = None, quiet: bool = True) -> bpy.types.Scene:
-    """The active scene of a .blend file, at its current frame or this one; no script in the file is run.
-
-    Raises ValueError for a file that this Blender cannot open.
-    """
-    try:
-        with render.silenced(quiet):
-            bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
-    except RuntimeError as error:
-        raise ValueError(f"{path} cannot be opened: {str(error).strip()}; is it a .blend file of this Blender or an older "
-                         "one?") from None
-    scene = bpy.context.scene
-    if frame is not None:
-        scene.frame_set(frame)
-    return scene
 
 
 def engine_of(scene: bpy.types.Scene) -> str:

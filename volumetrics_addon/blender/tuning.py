@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -21,9 +22,14 @@ OWNERS = ("scenes", "objects", "materials", "worlds", "lights")
 EXCLUDES = "excludes"
 
 
-def plan(scene: bpy.types.Scene, error: float = tuning.TARGET, without: Collection[str] = ()) -> list[Advice]:
-    """The advice for the scene as it is now, within the relative error; see ``plan.tuning.tune``. Nothing is changed."""
-    return tuning.tune(observe.scene(scene), error, without)
+def plan(scene: bpy.types.Scene, error: float = tuning.TARGET, without: Collection[str] = (), *,
+         paths: float | None = None) -> list[Advice]:
+    """The advice for the scene as it is now, within the relative error; see ``plan.tuning.tune``. Nothing is changed.
+
+    ``paths``: camera paths of the picture that is to be rendered, where these are not those of the scene's own settings.
+    """
+    observed = observe.scene(scene)
+    return tuning.tune(observed if paths is None else replace(observed, paths=paths), error, without)
 
 
 def apply(scene: bpy.types.Scene, advice: Sequence[Advice]) -> None:

@@ -23,6 +23,7 @@ from ..parameters.families import FAMILIES
 from ..parameters.model import Group, Parameter, ParameterError
 from ..parameters.preset import Preset, load, names, to_toml
 from ..parameters.stage import STAGE
+from ..plan.catalogue import TARGET
 from ..plan.model import CYCLES, EEVEE, ENGINES
 from ..scene import derived
 
@@ -138,6 +139,9 @@ def parser(program: str) -> argparse.ArgumentParser:
     render.add_argument("--max-samples", type=_whole(1, 1 << 24), metavar="N",
                         help="with --error or --time: limit of all samples of a pixel")
     render.add_argument("--frame", type=_whole(-1048574, 1048574), metavar="N", help="frame of a .blend file (its current one)")
+    render.add_argument("--plan", type=_tolerance, nargs="?", const=TARGET, metavar="E", help="leave out of a .blend file what changes its "
+                        "picture by no more than this (0.2%%), see the command plan; the file stays as it is")
+    render.add_argument("--without", action="append", default=[], metavar="RULE", help="switch off a rule of the plan; may be repeated")
     render.add_argument("--force", action="store_true", help="render again although nothing has changed, and from the beginning")
 
     verify = commands.add_parser("verify", parents=[common, _image_options(CYCLES), changes],
@@ -160,6 +164,8 @@ def parser(program: str) -> argparse.ArgumentParser:
     plan.add_argument("file", help="a .blend file, or a preset")
     plan.add_argument("--scene", metavar="NAME", help="of the scenes in the file (the one that is shown)")
     plan.add_argument("--engine", choices=ENGINES, help="plan for this engine (the scene's own, for a preset Cycles)")
+    plan.add_argument("--size", type=_size, metavar="N", help="of a preset's picture: pixels along the longer side (512)")
+    plan.add_argument("--samples", type=_whole(1, 1 << 24), metavar="N", help="of a preset's picture")
     plan.add_argument("--error", type=_tolerance, help="what all rules together may change, such as 0.2%% (0.2%%)")
     plan.add_argument("--without", action="append", default=[], metavar="RULE", help="switch a rule off; may be repeated")
     plan.add_argument("--out", type=Path, metavar="FILE.blend", help="apply the plan and save the file under this name")
@@ -421,8 +427,8 @@ def _plan_of_preset(arguments: argparse.Namespace) -> int:
     from .. import verify
     from ..blender import render
 
-    width, height = verify.image_size(preset, 512)
-    samples = SAMPLES[engine]
+    width, height = verify.image_size(preset, arguments.size or 512)
+    samples = arguments.samples or SAMPLES[engine]
     plan = render.plan_of(preset, verify.scene_of(preset, engine, width * height * samples), engine, width, height, samples,
                           arguments.without)
     rules = [(decision, PRESET_RULES[decision.rule]) for decision in plan.decisions]
@@ -443,6 +449,9 @@ def _plan_of_preset(arguments: argparse.Namespace) -> int:
 def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
     if not arguments.file.endswith(".blend"):
         return _plan_of_preset(arguments)
+    for option_name in ("size", "samples"):
+        if getattr(arguments, option_name) is not None:
+            raise ParameterError(f"--{option_name} is for presets; a .blend file is planned for its own resolution and samples")
     from ..plan import tuning
     from ..plan.catalogue import RULES
 

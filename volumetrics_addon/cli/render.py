@@ -14,9 +14,11 @@ from ..parameters.families import FAMILIES
 from ..parameters.model import ParameterError
 from ..parameters.preset import Preset, load
 from ..parameters.stage import STAGE
-from ..plan.model import CYCLES
+from ..plan.model import CYCLES, Decision
+from ..plan.rules import check_names
 from . import main as command
 
+ROUND = 64  # samples for which a scene is planned, before a pilot has found those of a round
 SIZE = 512  # of a preset's picture, along its longer side
 
 
@@ -78,6 +80,9 @@ def _check(arguments: argparse.Namespace, targeted: bool) -> None:
 def _preset(arguments: argparse.Namespace) -> Preset | None:
     """The preset with its changes; None for a .blend file."""
     if Path(arguments.preset).suffix.lower() != ".blend":
+        if arguments.plan is not None:
+            raise ParameterError("--plan is for .blend files; a preset is built by its plan, see volumetrics plan")
+        check_names(arguments.without)
         if arguments.frame is not None:
             raise ParameterError("--frame is for .blend files; a preset's time is a parameter, see volumetrics show")
         return command.changed(arguments, load(arguments.preset))
@@ -85,6 +90,8 @@ def _preset(arguments: argparse.Namespace) -> Preset | None:
         for parameter in group.parameters:
             if getattr(arguments, f"{group.name}.{parameter.name}") is not None:
                 raise ParameterError(f"{command.option(group, parameter)} is for presets; a .blend file has its own values")
+    if arguments.without and arguments.plan is None:
+        raise ParameterError("--without switches off rules of --plan; give both for a .blend file")
     if not Path(arguments.preset).is_file():
         raise ParameterError(f"{arguments.preset}: there is no such file; check the path")
     return None
@@ -103,7 +110,9 @@ class _OfPreset:
         self.arguments, self.source, self.engine = arguments, preset, arguments.engine or CYCLES
         self.exposure = preset.stage["exposure"]
         self.width, self.height = verify.image_size(preset, arguments.size or SIZE)
-        self.digest = self.pixels = identity.of_preset(preset, self.engine, self.width, self.height, arguments.seed)
+        known = identity.of_preset(preset, self.engine, self.width, self.height, arguments.seed)
+        self.digest = self.pixels = identity.digest(preset=known, without=sorted(arguments.without)) if arguments.without else known
+        self.prepare = None
         self.own_samples = command.SAMPLES[self.engine]
         self.files: dict[str, str] = {}
 
@@ -117,7 +126,7 @@ class _OfPreset:
 
         scene = verify.scene_of(self.source, self.engine, self.width * self.height * samples)
         made = render.render(self.source, scene, self.engine, self.width, self.height, samples, seed=self.arguments.seed,
-                             quiet=not self.arguments.engine_output, progress=progress)
+                             quiet=not self.arguments.engine_output, without=self.arguments.without, progress=progress)
         return made.images[0], made.seconds, made.plan.decisions
 
 
@@ -133,12 +142,16 @@ class _OfBlend:
         self.arguments, self.path = arguments, Path(arguments.preset).absolute()
         self.engine, self.files, self.pixels = arguments.engine, {}, ""
         self.digest = identity.of_blend(self.path, arguments.engine, arguments.frame, arguments.size, arguments.seed)
+        if arguments.plan is not None:
+            self.digest = identity.digest(blend=self.digest, plan=arguments.plan, without=sorted(arguments.without))
+        self.planned: list[Decision] = []
 
     def open(self) -> None:
         """Raises ValueError for a file that Blender cannot open."""
-        from ..blender import identity, stage
+        from ..blender import files, identity, stage
 
-        self.source = stage.open_file(self.path, self.arguments.frame, not self.arguments.engine_output)
+        self.source = files.open_scene(self.path, engine=self.arguments.engine, frame=self.arguments.frame,
+                                       quiet=not self.arguments.engine_output)
         self.engine = self.arguments.engine or stage.engine_of(self.source)
         self.width, self.height = stage.size_of(self.source, self.arguments.size)
         self.own_samples = self.source.cycles.samples if self.engine == CYCLES else self.source.eevee.taa_render_samples
@@ -152,10 +165,24 @@ class _OfBlend:
         from ..blender import stage
 
         start = time.perf_counter()
-        with stage.of_scene(self.source, self.engine, not self.arguments.engine_output) as on:
+        with stage.of_scene(self.source, self.engine, not self.arguments.engine_output,
+                            prepare=self.prepare and (lambda scene: self.prepare(scene, samples))) as on:
             image = on.shoot(self.width, self.height, samples, self.arguments.seed)
         progress(1.0)
-        return image, time.perf_counter() - start, on.decisions
+        return image, time.perf_counter() - start, [*self.planned, *on.decisions]
+
+    @property
+    def prepare(self) -> Callable[..., None] | None:
+        """What applies the plan that was asked for, for a picture of so many samples."""
+        return None if self.arguments.plan is None else self._plan
+
+    def _plan(self, scene: Any, samples: int = ROUND) -> None:
+        from ..blender import tuning
+
+        tuning.restore(scene)
+        advice = tuning.plan(scene, self.arguments.plan, self.arguments.without, paths=self.width * self.height * samples)
+        tuning.apply(scene, advice)
+        self.planned = [Decision(found.rule.name, f"changes {found.bound:.2%} at most", found.reason) for found in advice]
 
 
 # --- how ------------------------------------------------------------------------------------------------------------
@@ -175,8 +202,11 @@ def _converged(arguments: argparse.Namespace, subject: Any, checkpoint: Path, pr
     result = converge.render(
         subject.source, subject.engine, subject.width, subject.height, error=arguments.error, seconds=arguments.time,
         seed=arguments.seed, round_samples=arguments.round_samples, most_samples=arguments.max_samples, checkpoint=checkpoint,
-        digest=subject.pixels, quiet=not arguments.engine_output, progress=progress, say=say)
-    return {"target": {"error": arguments.error, "seconds": arguments.time}, **result.to_json()}, result.image
+        digest=subject.pixels, prepare=subject.prepare, without=() if arguments.plan is not None else arguments.without,
+        quiet=not arguments.engine_output, progress=progress, say=say)
+    figures = result.to_json()
+    figures["decisions"] = [*map(vars, getattr(subject, "planned", ())), *figures["decisions"]]
+    return {"target": {"error": arguments.error, "seconds": arguments.time}, **figures}, result.image
 
 
 # --- what is kept beside the picture ----------------------------------------------------------------------------------
