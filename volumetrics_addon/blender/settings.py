@@ -10,6 +10,10 @@ import bpy
 
 
 def _owner(root: Any, path: str) -> tuple[Any, str]:
+    """Where a path ends: attributes, and view layers as ``view_layers[NAME]``. Raises AttributeError and KeyError."""
+    if path.startswith("view_layers["):
+        name, _, path = path.removeprefix("view_layers[").rpartition("].")
+        root = root.view_layers[name]
     *parents, name = path.split(".")
     for parent in parents:
         root = getattr(root, parent)

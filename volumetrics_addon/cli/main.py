@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``volumetrics``: list, show, render, verify, tour, integrators, bench, fit-phase, table, doctor.
+"""``volumetrics``: list, show, render, verify, tour, plan, integrators, bench, fit-phase, table, doctor.
 
 Exit codes: 0 done, 1 an error was measured above the tolerance, 2 bad usage or a bad preset, 3 something is missing on
 this machine or the engine failed, 130 interrupted.
@@ -136,6 +136,15 @@ def parser(program: str) -> argparse.ArgumentParser:
     tour = commands.add_parser("tour", parents=[common], help="one preset of each family in Cycles with its error")
     tour.add_argument("--out", type=Path, default=Path("out"), help="folder for the contact sheet (out)")
     tour.add_argument("--size", type=_size, metavar="N", default=112, help="pixels along the longer side (112)")
+
+    plan = commands.add_parser("plan", parents=[common],
+                               help="what a scene does not need: each rule with its reason, its bound and its gain")
+    plan.add_argument("file", type=Path, help="a .blend file")
+    plan.add_argument("--scene", metavar="NAME", help="of the scenes in the file (the one that is shown)")
+    plan.add_argument("--engine", choices=ENGINES, help="plan for this engine (the scene's own)")
+    plan.add_argument("--error", type=_tolerance, help="what all rules together may change, such as 0.2%% (0.2%%)")
+    plan.add_argument("--without", action="append", default=[], metavar="RULE", help="switch a rule off; may be repeated")
+    plan.add_argument("--out", type=Path, metavar="FILE.blend", help="apply the plan and save the file under this name")
 
     commands.add_parser("integrators", parents=[common], help="every integrator of the field that is here, with its bias")
 
@@ -405,6 +414,46 @@ def _tour(arguments: argparse.Namespace, progress: Progress) -> int:
     return OK
 
 
+def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
+    from ..plan import tuning
+    from ..plan.catalogue import RULES
+
+    if arguments.out is not None and arguments.out.suffix != ".blend":
+        raise ParameterError(f"--out {arguments.out} is not allowed; the plan is saved in a Blender file, end the name with .blend")
+    from ..blender import files
+    from ..blender import tuning as of_scene
+
+    scene = files.open_scene(arguments.file, arguments.scene, arguments.engine)
+    target = arguments.error or tuning.TARGET
+    advice = of_scene.plan(scene, target, arguments.without)
+    if arguments.out is not None:
+        of_scene.apply(scene, advice)
+        files.save(arguments.out)
+    engine = CYCLES if scene.render.engine == "CYCLES" else EEVEE
+    bound = sum(found.bound for found in advice)
+    if arguments.json:
+        print(json.dumps({"file": str(arguments.file), "scene": scene.name, "engine": engine, "target": target, "bound": bound,
+                          "rules": [{"rule": found.rule.name, "reason": found.reason, "bound": found.bound,
+                                     "gain": found.rule.gain.get(engine), "shown_by": found.rule.shown_by or None,
+                                     "changes": [vars(change) for change in found.changes]} for found in advice],
+                          "saved": str(arguments.out) if arguments.out else None}, indent=2))
+        return OK
+    _say(arguments, f"{scene.name} in {engine}: the plan changes the picture by {bound:.2%} at most, of {target:.2%} allowed")
+    for found in advice:
+        _say(arguments, f"\n  {found.rule.name}: {tuning.figures(found, engine)}")
+        _say(arguments, f"    {found.reason}")
+        _say(arguments, f"    leaves out {found.rule.leaves_out}")
+        for change in found.changes:
+            _say(arguments, f"    {change}")
+    idle = [rule.name for rule in RULES.values() if engine in rule.engines and rule.name not in {found.rule.name for found in advice}]
+    if idle:
+        off = [name for name in idle if name in arguments.without]
+        _say(arguments, "\n  nothing to do for: " + ", ".join(name + (" (off)" if name in off else "") for name in idle))
+    if arguments.out is not None:
+        _say(arguments, f"\nsaved as {arguments.out}; Restore in the panel takes it back")
+    return OK
+
+
 def _table(arguments: argparse.Namespace, progress: Progress) -> int:
     from . import tables
 
@@ -497,7 +546,7 @@ def _doctor(arguments: argparse.Namespace, progress: Progress) -> int:
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace, Progress], int]] = {
-    "list": _list, "show": _show, "render": _render, "verify": _verify, "tour": _tour,
+    "list": _list, "show": _show, "render": _render, "verify": _verify, "tour": _tour, "plan": _plan,
     "integrators": _integrators, "bench": _bench, "fit-phase": _fit_phase, "table": _table, "doctor": _doctor,
 }
 

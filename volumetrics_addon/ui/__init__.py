@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import glass, operators, panels, properties, shafts
+from . import glass, operators, panels, plan, properties, shafts
 
-_MODULES = (properties, operators, panels, shafts, glass)
+_MODULES = (properties, operators, panels, shafts, glass, plan)
 _command = None
 
 
@@ -23,6 +23,7 @@ def register() -> None:
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
     bpy.types.WindowManager.volumetrics = bpy.props.PointerProperty(type=properties.VolumetricsSettings)
+    bpy.types.WindowManager.volumetrics_plan = bpy.props.PointerProperty(type=plan.VolumetricsPlan)
     _command = bpy.utils.register_cli_command("volumetrics", _run_command)
 
 
@@ -32,7 +33,8 @@ def unregister() -> None:
     _command = None
     for manager in bpy.data.window_managers:  # the values outlive the property
         manager.property_unset("volumetrics")
-    del bpy.types.WindowManager.volumetrics
+        manager.property_unset("volumetrics_plan")
+    del bpy.types.WindowManager.volumetrics, bpy.types.WindowManager.volumetrics_plan
     for module in reversed(_MODULES):
         for cls in reversed(module.CLASSES):
             bpy.utils.unregister_class(cls)

@@ -29,7 +29,7 @@ class VOLUMETRICS_PT_main(bpy.types.Panel):
         settings = context.window_manager.volumetrics
         preset = preset_named(settings.preset)
         layout.prop(settings, "preset", text="")
-        _wrapped(layout, preset.description, context)
+        wrapped(layout, preset.description, context)
         row = layout.row()
         row.scale_y = 1.4
         row.operator("volumetrics.add", icon="ADD")
@@ -47,7 +47,7 @@ class VOLUMETRICS_PT_main(bpy.types.Panel):
             _item(layout, item)
 
 
-def _wrapped(layout: bpy.types.UILayout, text: str, context: bpy.types.Context) -> None:
+def wrapped(layout: bpy.types.UILayout, text: str, context: bpy.types.Context) -> None:
     """Text over as many lines as the width of the sidebar asks for; labels do not wrap by themselves."""
     letters = context.region.width / context.preferences.system.ui_scale / 7.0 - 8.0
     column = layout.column(align=True)
@@ -83,7 +83,7 @@ def _item(layout: bpy.types.UILayout, item: bpy.types.Collection) -> None:
             if parameter.name in shown:
                 _field(body, parameter, socket, "default_value")
         for note in items.notes(bpy.context.scene, item):
-            _wrapped(body, note, bpy.context)
+            wrapped(body, note, bpy.context)
         _derived(body, family, lambda: items.values_of(item))
         if items.can_bake_light(item):
             body.operator("volumetrics.bake_light", icon="RENDER_STILL").item = item.name

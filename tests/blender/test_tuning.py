@@ -1,0 +1,360 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A user's own scene: read, planned for, changed and brought back; and its picture, which has to stay what it was."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from mathutils import Vector  # noqa: E402
+
+from volumetrics_addon.blender import compat, files, observe, render, settings, tuning  # noqa: E402
+
+BLENDER_5 = bpy.app.version >= (5, 0, 0)
+
+
+@pytest.fixture
+def scene():
+    """The start-up file: a camera, a lamp and a cube, with a floor and without the world's light."""
+    bpy.ops.wm.read_factory_settings()
+    result = bpy.context.scene
+    result.render.engine = "CYCLES"
+    result.frame_end = 1
+    result.cycles.use_denoising = result.cycles.use_adaptive_sampling = False
+    result.cycles.device = "CPU"
+    result.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+    yield result
+    bpy.ops.wm.read_factory_settings()
+
+
+def volume(name, kind="ShaderNodeVolumeScatter", inputs=None, density=None):
+    """A material with one volume shader; ``density`` is a list of nodes, each feeding the next."""
+    material = bpy.data.materials.new(name)
+    tree = compat.use_nodes(material)
+    shader, output = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(shader.outputs[0], output.inputs["Volume"])
+    for key, value in (inputs or {}).items():
+        shader.inputs[key].default_value = value
+    if density:
+        last = None
+        for bl_idname, properties, values in density:
+            node = tree.nodes.new(bl_idname)
+            for key, value in properties.items():
+                setattr(node, key, value)
+            for key, value in values.items():
+                if value == "last":
+                    tree.links.new(last, node.inputs[key])
+                else:
+                    node.inputs[key].default_value = value
+            last = node.outputs[0]
+        tree.links.new(last, shader.inputs["Density"])
+    return material
+
+
+CLOUDY = [("ShaderNodeTexNoise", {}, {"Scale": 2.0}), ("ShaderNodeMath", {"operation": "MULTIPLY"}, {0: "last", 1: 2.0})]
+
+
+def body(scene, name, location=(0.0, 0.0, 0.0), size=2.0, material=None):
+    mesh = bpy.data.meshes.new(name)
+    h = size / 2.0
+    corners = [(x, y, z) for x in (-h, h) for y in (-h, h) for z in (-h, h)]
+    mesh.from_pydata(corners, [], [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
+    if material:
+        mesh.materials.append(material)
+    result = bpy.data.objects.new(name, mesh)
+    result.location = location
+    scene.collection.objects.link(result)
+    return result
+
+
+def lamp(scene, name, location, power, kind="POINT"):
+    data = bpy.data.lights.new(name, kind)
+    data.energy = power
+    result = bpy.data.objects.new(name, data)
+    result.location = location
+    scene.collection.objects.link(result)
+    return result
+
+
+def cube(scene, material):
+    result = bpy.data.objects["Cube"]
+    result.material_slots[0].material = material
+    return result
+
+
+def rules(scene, error=0.002):
+    return {found.rule.name: found for found in tuning.plan(scene, error)}
+
+
+# --- what is read -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind, inputs, sigma, albedo, g", [
+    ("ShaderNodeVolumeScatter", {"Color": (0.5, 0.25, 0.1, 1.0), "Density": 3.0, "Anisotropy": -0.4}, 1.5, 1.0, 0.4),
+    ("ShaderNodeVolumeAbsorption", {"Color": (0.75, 0.5, 0.9, 1.0), "Density": 2.0}, 1.0, 0.0, 0.0),
+    # sigma_s = C D, sigma_a = (1 - C)(1 - sqrt A) D: of the brightest channel 0.8 and 0.2 x 0.5
+    ("ShaderNodeVolumePrincipled", {"Color": (0.8, 0.8, 0.8, 1.0), "Density": 2.0, "Absorption Color": (0.25, 0.25, 0.25, 1.0),
+                                    "Anisotropy": 0.3}, 2.0 * (0.8 + 0.2 * 0.5), 0.8 / 0.9, 0.3),
+])
+def test_coefficients_of_volume_shaders(scene, kind, inputs, sigma, albedo, g):
+    cube(scene, volume("v", kind, inputs))
+    medium, = observe.scene(scene).media
+    assert medium.substance.extinction.low == pytest.approx(medium.substance.extinction.high) or kind != "ShaderNodeVolumePrincipled"
+    assert medium.substance.extinction.high == pytest.approx(sigma)
+    assert medium.substance.albedo == pytest.approx(albedo)
+    assert medium.substance.g == pytest.approx(g)
+    assert not medium.substance.textured and not medium.substance.emits
+    assert medium.name == "Cube" and medium.step == pytest.approx(0.2) and not medium.has_surface
+
+
+def test_added_and_mixed_shaders(scene):
+    """0.25 of an absorption of 2 and 0.75 of a scattering of 4, beside an emission: 0.5 + 3."""
+    material = volume("v", "ShaderNodeVolumeAbsorption", {"Color": (0.0, 0.0, 0.0, 1.0), "Density": 2.0})
+    tree = material.node_tree
+    absorption = tree.nodes["Volume Absorption"]
+    output = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
+    scatter, emission, mix, add = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("VolumeScatter", "Emission", "MixShader", "AddShader"))
+    scatter.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    scatter.inputs["Density"].default_value = 4.0
+    mix.inputs[0].default_value = 0.75
+    tree.links.new(absorption.outputs[0], mix.inputs[1])
+    tree.links.new(scatter.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], add.inputs[0])
+    tree.links.new(emission.outputs[0], add.inputs[1])
+    tree.links.new(add.outputs[0], output.inputs["Volume"])
+    cube(scene, material)
+    substance = observe.scene(scene).media[0].substance
+    assert substance.extinction.high == pytest.approx(3.5) and substance.emits and substance.albedo == 1.0
+
+
+def test_textures_give_a_feature(scene):
+    """Density 2 at most, over a noise of period 2 m / 2 scales: generated coordinates grow by 1 over the cube's 2 m."""
+    cube(scene, volume("v", inputs={"Color": (1.0, 1.0, 1.0, 1.0)}, density=CLOUDY))
+    substance = observe.scene(scene).media[0].substance
+    assert substance.textured and substance.extinction.high == pytest.approx(2.0) and substance.feature == pytest.approx(1.0)
+    bpy.data.objects["Cube"].scale = (1.0, 1.0, 0.25)
+    scene.view_layers[0].update()
+    assert observe.scene(scene).media[0].substance.feature == pytest.approx(0.25)
+
+
+def test_lamps_and_world(scene):
+    spot = lamp(scene, "spot", (1.0, 2.0, 3.0), 50.0, "SPOT")
+    spot.data.exposure, spot.data.color, spot.data.spot_size = 1.0, (0.5, 0.8, 0.1), 0.6
+    sun = lamp(scene, "sun", (0.0, 0.0, 0.0), 3.0, "SUN")
+    sun.data.angle = 0.1
+    background = scene.world.node_tree.nodes["Background"]
+    background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (0.1, 0.2, 0.4, 1.0), 2.0
+    found = observe.scene(scene)
+    lamps = {entry.name: entry for entry in found.lamps}
+    assert set(lamps) == {"Light", "spot", "sun"}
+    assert lamps["spot"].power == pytest.approx(50.0 * 2.0 * 0.8) and lamps["spot"].cone == pytest.approx(0.6)
+    assert lamps["spot"].position == pytest.approx((1.0, 2.0, 3.0)) and lamps["sun"].radius == pytest.approx(0.05)
+    assert found.environment == pytest.approx(0.8)
+    spot.hide_render = True
+    assert "spot" not in {entry.name for entry in observe.scene(scene).lamps}
+
+
+def test_the_view_is_the_cameras(scene):
+    """Corners of the picture, by Blender's own projection."""
+    from bpy_extras.object_utils import world_to_camera_view
+
+    scene.camera.data.shift_x, scene.camera.data.shift_y = 0.1, -0.2
+    scene.render.resolution_x, scene.render.resolution_y = 300, 500
+    view = observe.scene(scene).view
+    for x, low in ((view.low[0], 0.0), (view.high[0], 1.0)):
+        for y, bottom in ((view.low[1], 0.0), (view.high[1], 1.0)):
+            place = world_to_camera_view(scene, scene.camera, Vector(view.point(x, y, 7.0)))
+            assert tuple(place) == pytest.approx((low, bottom, 7.0), abs=1e-4)
+
+
+@pytest.mark.parametrize("change", [
+    lambda o: o.keyframe_insert("location", frame=1), lambda o: o.constraints.new("COPY_LOCATION"),
+    lambda o: o.modifiers.new("m", "WAVE"), lambda o: o.data.keyframe_insert("update", frame=1) if hasattr(o.data, "update_") else
+    o.driver_add("location", 0)])
+def test_what_may_move_is_known_to(scene, change):
+    moving = cube(scene, volume("v"))
+    assert not observe.scene(scene).media[0].moves
+    change(moving)
+    assert observe.scene(scene).media[0].moves
+
+
+def test_hidden_and_excluded_objects_are_not_read(scene):
+    cube(scene, volume("v"))
+    assert len(observe.scene(scene).media) == 1
+    bpy.data.objects["Cube"].hide_render = True
+    assert not observe.scene(scene).media
+    bpy.data.objects["Cube"].hide_render = False
+    scene.view_layers[0].layer_collection.children["Collection"].exclude = True
+    assert not observe.scene(scene).media
+
+
+def test_instances_of_media_keep_rules_away(scene):
+    held = bpy.data.collections.new("held")
+    held.objects.link(bpy.data.objects["Cube"])
+    cube(scene, volume("v"))
+    assert not observe.scene(scene).has_instances
+    empty = bpy.data.objects.new("many", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", held
+    scene.collection.objects.link(empty)
+    assert observe.scene(scene).has_instances
+
+
+def test_a_room_around_the_camera_is_found(scene):
+    cube(scene, volume("v"))
+    room = body(scene, "room", scene.camera.location, 30.0)
+    assert len(observe.scene(scene).room) == 0  # nothing is out of the picture: nobody asks
+    body(scene, "outside", (100.0, 0.0, 0.0), material=volume("w"))
+    assert len(observe.scene(scene).room) == 8
+    room.data.materials.append(volume("smoke"))
+    assert len(observe.scene(scene).room) == 0
+
+
+# --- apply and restore ------------------------------------------------------------------------------------------
+
+
+def everything(scene):
+    """All values that a plan may touch."""
+    state = {path: settings.get(scene, path) for path in observe.PATHS if observe._has(scene, path)}
+    for block in (*bpy.data.objects, *bpy.data.materials, *bpy.data.worlds, *bpy.data.lights):
+        state[block.name, "keys"] = sorted(set(block.keys()) - {"cycles"})  # which asking makes
+    for shown in bpy.data.objects:
+        state[shown.name] = shown.hide_render, shown.light_linking.receiver_collection
+    for material in bpy.data.materials:
+        state[material.name] = material.cycles.volume_sampling, material.cycles.volume_step_rate
+    for layer in scene.view_layers:
+        state[layer.name] = layer.use_pass_z
+    state["collections"] = sorted(collection.name for collection in bpy.data.collections)
+    return state
+
+
+def crowded(scene):
+    cube(scene, volume("cloud", "ShaderNodeVolumePrincipled", density=CLOUDY))
+    body(scene, "nothing", (0.5, 0.5, 0.0), material=volume("nothing", inputs={"Density": 0.0}))
+    lamp(scene, "far", (900.0, 0.0, 0.0), 100.0)
+    scene.view_layers[0].use_pass_z = True
+    scene.cycles.volume_bounces = 100
+    scene.frame_end = 24
+    return {"thin media", "idle lamps", "bounces", "light tree", "passes", "persistent data"} | ({"ray marching"} if BLENDER_5 else set())
+
+
+def test_apply_and_restore_bring_back_every_value(scene):
+    expected = crowded(scene)
+    before = everything(scene)
+    advice = tuning.plan(scene)
+    assert everything(scene) == before  # looking changes nothing
+    assert {found.rule.name for found in advice} == expected
+    tuning.apply(scene, advice)
+    assert tuning.is_applied(scene)
+    assert bpy.data.objects["nothing"].hide_render and scene.cycles.volume_bounces < 100
+    assert scene.render.use_persistent_data and not scene.view_layers[0].use_pass_z
+    receivers = bpy.data.objects["far"].light_linking.receiver_collection
+    assert [shown.name for shown in receivers.objects] == ["Cube"]
+    assert all(entry.light_linking.link_state == "EXCLUDE" for entry in receivers.collection_objects)
+    assert tuning.restore(scene) >= len(expected)
+    assert not tuning.is_applied(scene) and everything(scene) == before
+
+
+def test_a_second_plan_starts_from_the_users_values(scene):
+    crowded(scene)
+    before = everything(scene)
+    tuning.apply(scene, tuning.plan(scene, 0.002))
+    tuning.apply(scene, tuning.plan(scene, 0.05))
+    tuning.restore(scene)
+    assert everything(scene) == before
+
+
+def test_what_the_user_changes_later_stays(scene):
+    crowded(scene)
+    tuning.apply(scene, tuning.plan(scene))
+    scene.cycles.volume_bounces = 77
+    bpy.data.objects["nothing"].name = "renamed"
+    tuning.restore(scene)
+    assert scene.cycles.volume_bounces == 77 and not bpy.data.objects["renamed"].hide_render
+
+
+def test_restoring_after_save_and_load(scene, tmp_path):
+    crowded(scene)
+    before = everything(scene)
+    tuning.apply(scene, tuning.plan(scene))
+    path = tmp_path / "planned.blend"
+    files.save(path)
+    loaded = files.open_scene(path)
+    assert tuning.is_applied(loaded)
+    tuning.restore(loaded)
+    after = everything(loaded)
+    for name in ("Cube", "nothing", "far", "cloud", "cycles.volume_bounces", "collections", "render.use_persistent_data"):
+        assert json.dumps(after[name]) == json.dumps(before[name]), name
+
+
+def test_opening_what_is_no_scene(scene, tmp_path):
+    with pytest.raises(OSError, match="there is no file"):
+        files.open_scene(tmp_path / "none.blend")
+    (tmp_path / "text.blend").write_text("not a blend")
+    with pytest.raises(OSError, match="cannot be opened"):
+        files.open_scene(tmp_path / "text.blend")
+    files.save(tmp_path / "real.blend")
+    with pytest.raises(ValueError, match="no scene 'Other'; it has 'Scene'"):
+        files.open_scene(tmp_path / "real.blend", "Other")
+    assert files.open_scene(tmp_path / "real.blend", "Scene", "eevee").render.engine == compat.current().eevee
+
+
+# --- the picture stays ------------------------------------------------------------------------------------------
+
+
+REPEATS = 4
+
+
+def fog_and_far_lamps(scene):
+    cube(scene, volume("haze", inputs={"Density": 0.3, "Anisotropy": 0.3}))
+    for index in range(6):
+        lamp(scene, f"far {index}", (300.0 + index, 40.0 * index, 5.0), 5.0)
+    return "idle lamps"
+
+
+def leftovers(scene):
+    cube(scene, volume("haze", inputs={"Density": 0.5}))
+    body(scene, "leftover", (0.0, 0.0, 1.0), 3.0, volume("leftover", inputs={"Density": 1e-6}, density=None))
+    return "thin media"
+
+
+def off_camera(scene):
+    cube(scene, volume("haze", inputs={"Density": 0.5}))
+    body(scene, "aside", (0.0, -60.0, 0.0), 2.0, volume("aside", inputs={"Density": 2.0}))
+    return "unseen media"
+
+
+def many_bounces(scene):
+    cube(scene, volume("haze", "ShaderNodeVolumePrincipled", {"Color": (0.6, 0.5, 0.4, 1.0), "Density": 1.0}))
+    scene.cycles.max_bounces = scene.cycles.volume_bounces = 32
+    return "bounces"
+
+
+def noisy(scene):
+    cube(scene, volume("cloud", inputs={"Color": (0.9, 0.9, 0.9, 1.0)}, density=CLOUDY))
+    scene.cycles.volume_bounces = 2
+    return "ray marching"
+
+
+@pytest.mark.parametrize("make", [fog_and_far_lamps, leftovers, off_camera, many_bounces,
+                                  pytest.param(noisy, marks=pytest.mark.skipif(not BLENDER_5, reason="marches anyway"))])
+def test_the_mean_of_the_picture_stays(scene, make):
+    rule = make(scene)
+    scene.cycles.samples, scene.cycles.sample_clamp_indirect = 32 if make is noisy else 128, 0.0
+    body(scene, "floor", (0.0, 0.0, -11.0), 20.0)
+
+    def means():
+        images = render.render_built(scene, 12, 9, repeats=REPEATS)
+        return images.mean(axis=(1, 2, 3))
+
+    before = means()
+    advice = [found for found in tuning.plan(scene) if found.rule.name == rule]
+    assert advice, f"{rule} does not apply"
+    tuning.apply(scene, advice)
+    after = means()
+    noise = math.sqrt((before.var(ddof=1) + after.var(ddof=1)) / REPEATS)
+    assert abs(after.mean() - before.mean()) <= advice[0].bound * before.mean() + 4.0 * noise
+    assert noise < 0.01 * before.mean()
+    assert np.isfinite(after).all()

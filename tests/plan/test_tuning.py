@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rules for a user's own scene, on plain data, against literal numbers."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from volumetrics_addon.plan import tuning, visibility
+from volumetrics_addon.plan.catalogue import RULES
+from volumetrics_addon.plan.observed import Lamp, Medium, Observed, Range, Solid, Substance, View
+
+HAZE = Substance(Range(0.05, 0.05), 0.8, 0.0, False, False, 0.0)
+CLOUD = Substance(Range(0.0, 2.0), 0.9, 0.5, False, True, 0.5)
+SEEN = View((0.0, -10.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (-0.4, -0.3), (0.4, 0.3), 1000.0)
+
+
+def box(center=(0.0, 0.0, 0.0), half=1.0):
+    return visibility.corners(tuple(c - half for c in center), tuple(c + half for c in center))
+
+
+def medium(name="haze", substance=HAZE, center=(0.0, 0.0, 0.0), half=1.0, **changes):
+    return Medium(name, f"{name} material", substance, box(center, half), step=0.2 * half, **changes)
+
+
+def lamp(name="lamp", position=(0.0, 0.0, 3.0), power=100.0, kind="POINT", **changes):
+    return Lamp(name, kind, power, position, **changes)
+
+
+def scene(*media, lamps=(lamp(),), engine="cycles", view=SEEN, environment=0.0, frames=1, settings=None, **changes):
+    return Observed(engine, {"cycles.volume_bounces": 12, "cycles.volume_biased": False, "cycles.use_light_tree": True} | (settings or {}),
+                    view, media, tuple(lamps), environment=environment, frames=frames, **changes)
+
+
+def advice(observed, rule, error=0.002):
+    return next((found for found in tuning.tune(observed, error) if found.rule.name == rule), None)
+
+
+def changes(found):
+    return {(change.name, change.path): change.value for change in found.changes}
+
+
+def test_shares_of_the_target_add_up_to_it():
+    """Steps are made longer or marched at all, never both."""
+    shares = {name: rule.share for name, rule in RULES.items()}
+    assert shares["ray marching"] == shares["longer steps"]
+    assert sum(shares.values()) - shares["longer steps"] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("error", [0.0, -0.1, math.inf, math.nan])
+def test_an_error_that_is_none_is_refused(error):
+    with pytest.raises(ValueError, match="above 0"):
+        tuning.tune(scene(medium()), error)
+
+
+def test_unknown_rules_are_refused_and_known_ones_switched_off():
+    with pytest.raises(ValueError, match="no rule 'speed'"):
+        tuning.tune(scene(medium()), without=("speed",))
+    names = {found.rule.name for found in tuning.tune(scene(medium()))}
+    assert "bounces" in names
+    assert {found.rule.name for found in tuning.tune(scene(medium()), without=("bounces",))} == names - {"bounces"}
+
+
+@pytest.mark.parametrize("error", [1e-3, 2e-3, 0.05])
+def test_the_bounds_together_stay_below_the_target(error):
+    crowded = scene(medium("cloud", CLOUD), medium("wisp", replace(HAZE, extinction=Range(1e-7, 1e-7))), medium(),
+                    medium("far", center=(300.0, 0.0, 0.0)),
+                    lamps=[lamp(), *(lamp(f"far {i}", (500.0 + i, 0.0, 0.0)) for i in range(20))], settings={"cycles.volume_bounces": 1000})
+    found = tuning.tune(crowded, error)
+    assert sum(entry.bound for entry in found) <= error
+    assert {"thin media", "idle lamps", "bounces", "ray marching"} <= {entry.rule.name for entry in found}
+
+
+# --- bounces ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("albedo, sigma, error", [(0.8, 0.05, 0.002), (0.5, 5.0, 0.01), (0.99, 0.2, 0.002)])
+def test_bounces_are_the_fewest_that_the_bound_allows(albedo, sigma, error):
+    """A path of n + 2 events has survived n + 1 times; the chance of each is albedo (1 - exp(-sigma times the diagonal))."""
+    substance = Substance(Range(sigma, sigma), albedo, 0.0, False, False, 0.0)
+    share = albedo * (1.0 - math.exp(-sigma * 2.0 * math.sqrt(3.0)))
+    allowed = RULES["bounces"].share * error
+    expected = next(n for n in range(1000) if share ** (n + 1) <= allowed)
+    found = advice(scene(medium(substance=substance), settings={"cycles.volume_bounces": 1000}), "bounces", error)
+    assert changes(found) == {("", "cycles.volume_bounces"): expected}
+    assert found.bound == pytest.approx(share ** (expected + 1))
+
+
+def test_bounces_are_never_raised_nor_lowered_where_nothing_is_known():
+    assert advice(scene(medium(), settings={"cycles.volume_bounces": 1}), "bounces") is None
+    assert advice(scene(medium(substance=Substance())), "bounces") is None
+    world = Medium("World", "World", replace(HAZE, albedo=1.0))
+    assert advice(scene(world), "bounces") is None
+    assert advice(scene(medium(), has_instances=True), "bounces") is None
+
+
+def test_media_that_overlap_count_together():
+    thin = replace(HAZE, extinction=Range(0.02, 0.02))
+    one = advice(scene(medium(substance=thin)), "bounces")
+    four = advice(scene(*(medium(f"haze {i}", thin) for i in range(4))), "bounces")
+    assert changes(four)[("", "cycles.volume_bounces")] > changes(one)[("", "cycles.volume_bounces")]
+
+
+# --- media that are left out ------------------------------------------------------------------------------------
+
+
+def test_nothing_and_next_to_nothing_are_left_out():
+    empty, thin = replace(HAZE, extinction=Range(0.0, 0.0)), replace(HAZE, extinction=Range(1e-5, 1e-5))
+    found = advice(scene(medium("empty", empty), medium("thin", thin), medium()), "thin media")
+    assert changes(found) == {("empty", "hide_render"): True, ("thin", "hide_render"): True}
+    assert found.bound == pytest.approx(1e-5 * 2.0 * math.sqrt(3.0))
+
+
+@pytest.mark.parametrize("change", [{"moves": True}, {"has_surface": True}, {"editable": False}])
+def test_media_that_may_be_needed_stay(change):
+    empty = replace(HAZE, extinction=Range(0.0, 0.0))
+    assert advice(scene(medium("empty", empty, **change)), "thin media") is None
+
+
+def test_thin_fire_stays():
+    assert advice(scene(medium("fire", replace(HAZE, extinction=Range(0.0, 0.0), emits=True))), "thin media") is None
+
+
+def test_a_medium_off_camera_is_left_out():
+    found = advice(scene(medium("seen"), medium("aside", center=(300.0, 0.0, 0.0))), "unseen media")
+    assert changes(found) == {("aside", "hide_render"): True}
+    share = 1.0 - math.exp(-0.05 * 2.0 * math.sqrt(3.0))
+    # Seen from what is in the picture: the box in the middle, cut by the frame, 298 m away at least.
+    assert 0.0 < found.bound <= share * 0.5 * (1.0 - math.cos(math.asin(math.sqrt(3.0) / 297.0)))
+
+
+def test_a_medium_off_camera_that_shades_the_picture_stays():
+    lamps = [lamp("sun", kind="SUN", direction=(-1.0, 0.0, 0.0))]
+    aside = medium("aside", center=(300.0, 0.0, 0.0))
+    assert advice(scene(medium("seen"), aside, lamps=lamps), "unseen media") is None
+    assert advice(scene(medium("seen"), aside, lamps=[lamp(position=(600.0, 0.0, 0.0))]), "unseen media") is None
+    # With the sun from the other side its shadow falls away from the picture.
+    assert advice(scene(medium("seen"), aside, lamps=[replace(lamps[0], direction=(1.0, 0.0, 0.0))]), "unseen media")
+
+
+def test_what_mirrors_may_show_a_medium_off_camera():
+    aside = medium("aside", center=(300.0, 0.0, 0.0))
+    floor = Solid(box((0.0, 0.0, -2.0)))
+    assert advice(scene(medium("seen"), aside, solids=(floor,)), "unseen media")
+    assert advice(scene(medium("seen"), aside, solids=(replace(floor, reflects=True),)), "unseen media") is None
+    assert advice(scene(medium("seen"), aside, solids=(replace(floor, moves=True),)), "unseen media") is None
+
+
+def test_a_wall_that_fills_the_picture_hides_what_is_behind():
+    behind = medium("behind", center=(0.0, 200.0, 0.0))
+    wall = tuple((x, 5.0, z) for x, z in ((-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0)))
+    assert advice(scene(medium("seen"), behind), "unseen media") is None
+    found = advice(scene(medium("seen"), behind, faces=(wall,)), "unseen media")
+    assert changes(found) == {("behind", "hide_render"): True}
+
+
+def test_outside_a_closed_room_nothing_counts_and_lamps_there_do_not_shine_in():
+    room = box((0.0, -10.0, 0.0), 4.0)
+    outside = medium("outside", center=(0.0, 100.0, 0.0))
+    found = advice(scene(medium("seen", center=(0.0, -8.0, 0.0)), outside, room=room, lamps=[
+        lamp(position=(0.0, -10.0, 3.0)), lamp("street", (0.0, 200.0, 0.0))]), "unseen media")
+    assert changes(found) == {("outside", "hide_render"): True}
+
+
+@pytest.mark.parametrize("change", [{"view": None}, {"view": replace(SEEN, moves=True)}, {"has_instances": True}])
+def test_without_a_camera_that_stays_all_media_stay(change):
+    assert advice(scene(medium("seen"), medium("aside", center=(300.0, 0.0, 0.0)), **change), "unseen media") is None
+
+
+# --- lamps ------------------------------------------------------------------------------------------------------
+
+
+def test_far_lamps_are_excluded_up_to_the_target():
+    """Irradiance goes as 1 / d^2: the nearest a far lamp comes against the farthest of the near one."""
+    far = lamp("far", (400.0, 0.0, 0.0))
+    found = advice(scene(medium(), lamps=[lamp(), far]), "idle lamps")
+    assert changes(found) == {("far", "excludes"): ("haze",)}
+    near_least = 1.0 / (1.0 + 1.0 + 4.0**2)  # to the farthest corner from (0, 0, 3)
+    assert found.bound == pytest.approx((1.0 / 399.0**2) / near_least)
+    assert advice(scene(medium(), lamps=[lamp(), replace(far, power=1e5)]), "idle lamps") is None
+
+
+def test_forward_scattering_asks_for_more_distance():
+    """HG's largest over its smallest value is ((1 + g) / (1 - g))^3: 343 at 0.75."""
+    far = lamp("far", (400.0, 0.0, 0.0))
+    forward = replace(HAZE, g=0.75)
+    assert advice(scene(medium(substance=forward), lamps=[lamp(), far]), "idle lamps", 0.01) is None
+    found = advice(scene(medium(substance=forward), lamps=[lamp(), replace(far, position=(4000.0, 0.0, 0.0))]), "idle lamps", 0.01)
+    assert found.bound == pytest.approx(343.0 * (1.0 / 3999.0**2) * 18.0)
+
+
+def test_a_spot_that_turns_away_gives_nothing():
+    spot = lamp("spot", (0.0, 0.0, 5.0), kind="SPOT", cone=math.radians(40.0), direction=(0.0, 0.0, 1.0))
+    found = advice(scene(medium(), lamps=[lamp(), spot]), "idle lamps")
+    assert changes(found) == {("spot", "excludes"): ("haze",)} and found.bound == 0.0
+    assert advice(scene(medium(), lamps=[lamp(), replace(spot, direction=(0.0, 0.0, -1.0))]), "idle lamps") is None
+    # 40 degrees to the side the cone's edge, 20 degrees from its axis, still meets the ball around the box of half angle 20.3.
+    aside = (math.sin(math.radians(40.0)), 0.0, -math.cos(math.radians(40.0)))
+    assert advice(scene(medium(), lamps=[lamp(), replace(spot, direction=aside)]), "idle lamps") is None
+
+
+@pytest.mark.parametrize("change", [{"moves": True}, {"is_linked": True}, {"editable": False}, {"volume_factor": 0.0}])
+def test_lamps_that_are_the_users_affair_stay(change):
+    assert advice(scene(medium(), lamps=[lamp(), replace(lamp("far", (400.0, 0.0, 0.0)), **change)]), "idle lamps") is None
+
+
+def test_the_last_lamp_is_never_excluded():
+    assert advice(scene(medium(), lamps=[lamp("far", (400.0, 0.0, 0.0))]), "idle lamps") is None
+    assert advice(scene(medium(), lamps=[lamp("a", (400.0, 0.0, 0.0)), lamp("b", (400.0, 0.0, 1.0))]), "idle lamps") is None
+
+
+def test_in_eevee_a_lamp_lights_all_media_or_none():
+    far = lamp("far", (400.0, 0.0, 0.0))
+    found = advice(scene(medium(), lamps=[lamp(), far], engine="eevee"), "idle lamps")
+    assert found.changes == (tuning.Change("lights", "far", "volume_factor", 0.0),)
+    beside = medium("beside", center=(390.0, 0.0, 0.0))
+    assert advice(scene(medium(), beside, lamps=[lamp(), far], engine="eevee"), "idle lamps") is None
+
+
+# --- steps ------------------------------------------------------------------------------------------------------
+
+
+def test_steps_of_marching_follow_feature_and_depth():
+    found = advice(scene(medium("cloud", CLOUD)), "ray marching")
+    step = min(0.3 * 0.5, math.sqrt(24.0 * 0.35 * 0.002) / 2.0)
+    assert changes(found) == {("", "cycles.volume_biased"): True, ("cloud material", "cycles.volume_step_rate"): pytest.approx(step / 0.2)}
+    assert found.bound == pytest.approx((2.0 * step) ** 2 / 24.0)
+
+
+@pytest.mark.parametrize("substance", [replace(CLOUD, feature=0.0), replace(CLOUD, extinction=Range(0.0, math.inf)), HAZE])
+def test_media_whose_density_is_not_known_are_not_marched(substance):
+    assert advice(scene(medium("cloud", substance)), "ray marching") is None
+    assert advice(scene(medium("cloud", substance), medium("other", CLOUD)), "ray marching") is None or substance is HAZE
+
+
+def test_a_huge_domain_with_fine_features_is_not_marched():
+    assert advice(scene(medium("cloud", CLOUD, half=1000.0)), "ray marching") is None
+
+
+@pytest.mark.parametrize("settings", [{"cycles.volume_biased": True}, {}])
+def test_marched_media_get_longer_steps_and_never_shorter_ones(settings):
+    marched = scene(medium("cloud", CLOUD, step_rate=0.05), settings=settings, null_scattering=bool(settings))
+    found = advice(marched, "longer steps")
+    step = min(0.3 * 0.5, math.sqrt(24.0 * 0.35 * 0.002) / 2.0)
+    assert changes(found) == {("cloud material", "cycles.volume_step_rate"): pytest.approx(step / 0.2)}
+    assert advice(replace(marched, media=(medium("cloud", CLOUD, step_rate=1.0),)), "longer steps") is None
+
+
+def test_media_that_share_a_material_get_the_shorter_steps():
+    a, b = medium("small", CLOUD), medium("large", CLOUD, half=2.0)
+    found = advice(scene(a, replace(b, material=a.material)), "ray marching")
+    step = min(0.3 * 0.5, math.sqrt(24.0 * 0.35 * 0.002 / 2.0) / 2.0)
+    assert changes(found)[(a.material, "cycles.volume_step_rate")] == pytest.approx(step / 0.4)
+
+
+# --- sampling and the rest --------------------------------------------------------------------------------------
+
+
+def test_one_lamp_at_a_point_is_sampled_by_itself():
+    once = {"cycles.volume_bounces": 0}
+    found = advice(scene(medium(), settings=once), "sampling")
+    assert found.changes == (tuning.Change("materials", "haze material", "cycles.volume_sampling", "EQUIANGULAR"),)
+    for other in (scene(medium(), settings=once, environment=1.0), scene(medium()),
+                  scene(medium(), settings=once, lamps=[lamp(kind="SUN")]), scene(medium("cloud", CLOUD), settings=once)):
+        assert advice(other, "sampling") is None
+
+
+def test_a_world_is_sampled_both_ways():
+    world = Medium("World", "World", HAZE, sampling="EQUIANGULAR")
+    found = advice(scene(world), "sampling")
+    assert found.changes == (tuning.Change("worlds", "World", "cycles.volume_sampling", "MULTIPLE_IMPORTANCE"),)
+
+
+def test_settings_that_bring_nothing_are_switched_off():
+    assert changes(advice(scene(medium()), "light tree")) == {("", "cycles.use_light_tree"): False}
+    assert advice(scene(medium(), lamps=[lamp(str(i)) for i in range(3)]), "light tree") is None
+    assert advice(scene(medium(), has_emitters=True), "light tree") is None
+    guided = {"cycles.use_guiding": True, "cycles.volume_bounces": 0}
+    assert changes(advice(scene(medium(), settings=guided), "guiding")) == {("", "cycles.use_guiding"): False}
+    assert advice(scene(medium(), settings=guided, has_surfaces=True), "guiding") is None
+    assert changes(advice(scene(frames=24), "persistent data")) == {("", "render.use_persistent_data"): True}
+    assert advice(scene(), "persistent data") is None
+    assert advice(scene(unused_passes=(("Layer", "use_pass_z"),), engine="eevee"), "passes").changes == (
+        tuning.Change("view_layers", "Layer", "use_pass_z", False),)
+
+
+def test_a_scene_that_needs_all_it_has_gets_no_advice():
+    assert tuning.tune(scene(settings={"cycles.volume_bounces": 0, "cycles.use_light_tree": False})) == []

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Savings found, switched, applied and brought back from the panel."""
+
+from types import SimpleNamespace
+from unittest.mock import MagicMock
+
+import bpy
+import pytest
+
+from volumetrics_addon.blender import compat, tuning
+from volumetrics_addon.ui.plan import VOLUMETRICS_PT_plan
+
+
+@pytest.fixture
+def state(extension):
+    bpy.ops.wm.read_factory_settings()
+    scene = bpy.context.scene
+    scene.render.engine, scene.frame_end = "CYCLES", 24
+    material = bpy.data.materials.new("haze")
+    tree = compat.use_nodes(material)
+    shader, output = tree.nodes.new("ShaderNodeVolumePrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(shader.outputs[0], output.inputs["Volume"])
+    bpy.data.objects["Cube"].material_slots[0].material = material
+    scene.cycles.volume_bounces = 100
+    state = bpy.context.window_manager.volumetrics_plan
+    state.advice.clear()
+    state.property_unset("error")
+    yield state
+    state.advice.clear()
+
+
+def labels():
+    layout = MagicMock()
+    context = SimpleNamespace(window_manager=bpy.context.window_manager, scene=bpy.context.scene, preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
+                              region=SimpleNamespace(width=400))
+    VOLUMETRICS_PT_plan.draw(SimpleNamespace(layout=layout), context)
+    return [call.kwargs["text"] for call in layout.box.return_value.prop.call_args_list]
+
+
+def test_finding_changes_nothing_and_lists_the_rules(state):
+    scene = bpy.context.scene
+    assert labels() == []
+    assert bpy.ops.volumetrics.plan() == {"FINISHED"}
+    assert [entry.name for entry in state.advice] == ["bounces", "light tree", "persistent data"]
+    assert labels()[1:] == ["Light tree: same picture", "Persistent data: same picture"]
+    assert labels()[0].startswith("Bounces: changes 0.0")
+    assert scene.cycles.volume_bounces == 100 and not tuning.is_applied(scene)
+
+
+def test_rules_switched_off_stay_off(state):
+    scene = bpy.context.scene
+    bpy.ops.volumetrics.plan()
+    state.advice["light tree"].use = False
+    assert bpy.ops.volumetrics.plan_apply() == {"FINISHED"}
+    assert scene.cycles.use_light_tree and scene.cycles.volume_bounces < 100 and scene.render.use_persistent_data
+    assert not state.advice["light tree"].use
+    assert bpy.ops.volumetrics.plan_restore() == {"FINISHED"}
+    assert scene.cycles.volume_bounces == 100 and not scene.render.use_persistent_data
+    assert not bpy.ops.volumetrics.plan_restore.poll()
+
+
+def test_applying_twice_keeps_the_users_values(state):
+    scene = bpy.context.scene
+    bpy.ops.volumetrics.plan_apply()
+    few = scene.cycles.volume_bounces
+    state.error = 20.0
+    bpy.ops.volumetrics.plan_apply()
+    assert scene.cycles.volume_bounces < few
+    bpy.ops.volumetrics.plan_restore()
+    assert scene.cycles.volume_bounces == 100
+
+
+def test_one_step_undoes_it(state):
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.volumetrics.plan_apply()
+    bpy.ops.ed.undo_push(message="plan")
+    assert tuning.is_applied(bpy.context.scene)
+    bpy.ops.ed.undo()
+    assert not tuning.is_applied(bpy.context.scene) and bpy.context.scene.cycles.volume_bounces == 100
+
+
+def test_nothing_to_apply_is_told(state):
+    bpy.ops.volumetrics.plan()
+    for entry in state.advice:
+        entry.use = False
+    with pytest.raises(RuntimeError, match="no rule that is switched on"):
+        bpy.ops.volumetrics.plan_apply()
+    assert not tuning.is_applied(bpy.context.scene)

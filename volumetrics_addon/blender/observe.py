@@ -1,0 +1,519 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A user's own scene, foreign volumes included, read into the planner's terms. Nothing is changed and nothing is evaluated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import bpy
+from mathutils import Matrix, Vector
+
+from ..plan import visibility
+from ..plan.model import CYCLES, EEVEE
+from ..plan.observed import Lamp, Medium, Observed, Range, Solid, Substance, View
+from . import compat, ranges, settings
+
+PATHS = ("cycles.volume_bounces", "cycles.volume_biased", "cycles.volume_step_rate", "cycles.volume_max_steps", "cycles.use_light_tree",
+         "cycles.use_guiding", "render.use_persistent_data")
+GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
+# Modifiers whose result stays where it is as long as nothing of them is animated.
+STILL = {"SUBSURF", "BEVEL", "MIRROR", "ARRAY", "SOLIDIFY", "TRIANGULATE", "WEIGHTED_NORMAL", "EDGE_SPLIT", "DECIMATE", "REMESH", "SCREW",
+         "WELD", "SKIN", "WIREFRAME", "MULTIRES", "SIMPLE_DEFORM", "DISPLACE", "SMOOTH", "CAST"}
+MOST_FACES = 64  # of a mesh that is looked through for walls
+MIRRORS = 0.3  # roughness below which a surface shows what it mirrors
+RAYLEIGH_G = 0.15  # of the HG lobe with at least the peak and the contrast of molecules
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Bounds of a volume shader: extinction with its rate, albedo, |g|, whether it emits, whether anything of it is textured."""
+
+    sigma: Range = Range(0.0, 0.0)
+    albedo: float = 0.0
+    g: float = 0.0
+    emits: bool = False
+    textured: bool = False
+
+
+_UNREAD = _Part(Range(0.0, math.inf, math.inf), 1.0, 0.999, True, True)
+
+
+def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None) -> Observed:
+    """What the planner knows of the scene at its current frame, as one of its view layers renders it."""
+    layer = view_layer or blender_scene.view_layers[0]
+    layer.update()
+    engine = CYCLES if blender_scene.render.engine == "CYCLES" else EEVEE
+    present = {path: settings.get(blender_scene, path) for path in PATHS if _has(blender_scene, path)}
+    found = list(_rendered(layer))
+    materials: dict[str, tuple] = {}
+    media, rest, lamps, instances = [], [], [], False
+    for candidate in found:
+        kind = candidate.type
+        if kind == "LIGHT":
+            lamps.append(_lamp(candidate))
+        elif kind in GEOMETRY:
+            volume = _volume_slot(candidate, materials)
+            if volume is not None:
+                media.append(_medium(candidate, volume, materials[volume.name][1]))
+            else:
+                rest.append(candidate)
+        if candidate.instance_type != "NONE" or candidate.modifiers or candidate.particle_systems:
+            instances = instances or _instances_matter(candidate, materials)
+    media = _with_shared(media, found)
+    if (world := _world(blender_scene)) is not None:
+        media.append(world)
+    view = _view(blender_scene, engine)
+    solids, faces, room = _surroundings(rest, media, view, materials) if media else ((), (), ())
+    return Observed(
+        engine, present, view, tuple(media), tuple(lamps), solids, _environment(blender_scene), faces, room,
+        frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
+        has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
+        unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
+
+
+def _has(blender_scene: bpy.types.Scene, path: str) -> bool:
+    try:
+        settings.get(blender_scene, path)
+    except AttributeError:
+        return False
+    return True
+
+
+def _rendered(layer: bpy.types.ViewLayer) -> Iterator[bpy.types.Object]:
+    """Every object that the layer renders, once."""
+    seen: set[int] = set()
+    waiting = [layer.layer_collection]
+    while waiting:
+        current = waiting.pop()
+        if current.exclude or current.collection.hide_render:
+            continue
+        waiting += current.children
+        for candidate in current.collection.objects:
+            key = candidate.as_pointer()
+            if key not in seen:
+                seen.add(key)
+                if not candidate.hide_render:
+                    yield candidate
+
+
+# --- what moves --------------------------------------------------------------------------------------------------
+
+
+def moves(candidate: bpy.types.Object) -> bool:
+    """Whether the object may be elsewhere, or of another shape, in another frame."""
+    if candidate.animation_data is not None and ranges.is_animated(candidate):
+        return True
+    data = candidate.data
+    if data is not None and data.animation_data is not None and ranges.is_animated(data):
+        return True
+    if getattr(data, "shape_keys", None) or candidate.rigid_body is not None or candidate.constraints:
+        return True
+    if any(modifier.type not in STILL for modifier in candidate.modifiers):
+        return True
+    return candidate.parent is not None and moves(candidate.parent)
+
+
+def _instances_matter(candidate: bpy.types.Object, materials: dict) -> bool:
+    """Whether the object makes copies of lights or media, which are not listed."""
+    sources: list[bpy.types.Object] = []
+    if candidate.instance_type == "COLLECTION" and candidate.instance_collection is not None:
+        sources += candidate.instance_collection.all_objects
+    elif candidate.instance_type != "NONE":
+        sources += candidate.children
+    for system in candidate.particle_systems:
+        sources += filter(None, [system.settings.instance_object])
+        if system.settings.instance_collection is not None:
+            sources += system.settings.instance_collection.all_objects
+    for modifier in candidate.modifiers:
+        if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
+            continue  # its medium is the object's own
+        if modifier.type == "NODES" and modifier.node_group is not None:
+            if any("Volume" in node.bl_idname for node in modifier.node_group.nodes):
+                return True
+            held = [value for key in modifier.keys() if isinstance(value := modifier[key], (bpy.types.Object, bpy.types.Collection))]
+            held += [socket.default_value for node in modifier.node_group.nodes for socket in node.inputs
+                     if socket.type in ("OBJECT", "COLLECTION") and socket.default_value is not None]
+            for value in held:
+                sources += [value] if isinstance(value, bpy.types.Object) else value.all_objects
+    return any(source.type == "LIGHT" or source.type in GEOMETRY and _volume_slot(source, materials) is not None for source in sources)
+
+
+# --- materials ---------------------------------------------------------------------------------------------------
+
+
+def _tree(block: bpy.types.ID) -> bpy.types.NodeTree | None:
+    """The nodes of a material, world or lamp, where it uses them."""
+    return None if compat.current().use_nodes and not block.use_nodes else block.node_tree
+
+
+def _output(tree: bpy.types.NodeTree, kind: str, engine_target: str = "CYCLES") -> bpy.types.Node | None:
+    outputs = [node for node in tree.nodes if node.bl_idname == kind and not node.mute]
+    exact = [node for node in outputs if getattr(node, "target", "ALL") == engine_target]
+    return next((node for node in exact or outputs if node.is_active_output), (exact or outputs or [None])[0])
+
+
+def _described(material: bpy.types.Material) -> tuple:
+    """(output node or None, whether it has a volume, a surface, whether that is opaque, mirrors, emits)."""
+    tree = _tree(material)
+    if tree is None:
+        return None, False, True, True, False, False
+    output = _output(tree, "ShaderNodeOutputMaterial")
+    if output is None:
+        return None, False, False, False, False, False
+    has_volume = output.inputs["Volume"].is_linked
+    surface = output.inputs["Surface"]
+    if not surface.is_linked:
+        return output, has_volume, False, False, False, False
+    kinds = _shaders(surface)
+    opaque = not has_volume and all(_is_opaque(node) for node in kinds)
+    return output, has_volume, True, opaque, any(map(_mirrors, kinds)), any(map(_shines, kinds))
+
+
+def _shaders(socket: bpy.types.NodeSocket, stack: tuple = ()) -> list[bpy.types.Node]:
+    """The shader nodes that are mixed and added into a socket."""
+    found, stack = ranges.source(socket, stack)
+    if found is None or not found.is_output:
+        return []
+    node = found.node
+    if node.bl_idname in ("ShaderNodeMixShader", "ShaderNodeAddShader"):
+        return [shader for inner in node.inputs if inner.type == "SHADER" for shader in _shaders(inner, stack)]
+    return [node]
+
+
+def _plain(node: bpy.types.Node, name: str) -> float | None:
+    """The value of an input that nothing feeds; None where something does or there is none."""
+    socket = node.inputs.get(name)
+    return None if socket is None or socket.is_linked else socket.default_value
+
+
+def _is_opaque(node: bpy.types.Node) -> bool:
+    match node.bl_idname:
+        case "ShaderNodeBsdfPrincipled":
+            return _plain(node, "Alpha") == 1.0 and _plain(node, "Transmission Weight") == 0.0
+        case "ShaderNodeBsdfDiffuse" | "ShaderNodeEmission" | "ShaderNodeBsdfGlossy" | "ShaderNodeBsdfAnisotropic":
+            return True
+    return False
+
+
+def _mirrors(node: bpy.types.Node) -> bool:
+    match node.bl_idname:
+        case "ShaderNodeBsdfPrincipled":
+            rough = _plain(node, "Roughness")
+            coat = node.inputs.get("Coat Weight")
+            return (rough is None or rough < MIRRORS or _plain(node, "Transmission Weight") != 0.0 or _plain(node, "Metallic") != 0.0
+                    or _plain(node, "Alpha") != 1.0 or (coat is not None and (coat.is_linked or coat.default_value > 0.0)))
+        case "ShaderNodeBsdfDiffuse" | "ShaderNodeEmission" | "ShaderNodeBsdfTranslucent":
+            return False
+    return True
+
+
+def _shines(node: bpy.types.Node) -> bool:
+    if node.bl_idname == "ShaderNodeEmission":
+        return _plain(node, "Strength") != 0.0
+    strength = node.inputs.get("Emission Strength")
+    return strength is not None and (strength.is_linked or strength.default_value != 0.0)
+
+
+def _known(material: bpy.types.Material, materials: dict) -> tuple:
+    if material.name not in materials:
+        materials[material.name] = (material, _described(material))
+    return materials[material.name][1]
+
+
+def _volume_slot(candidate: bpy.types.Object, materials: dict) -> bpy.types.Material | None:
+    """The material of the object that has a volume; Cycles takes the first, and the object is read as a medium of it."""
+    for slot in candidate.material_slots:
+        if slot.material is not None and _known(slot.material, materials)[1]:
+            return slot.material
+    return None
+
+
+def _emits(candidate: bpy.types.Object, materials: dict) -> bool:
+    return any(slot.material is not None and _known(slot.material, materials)[5] for slot in candidate.material_slots)
+
+
+def _volume(socket: bpy.types.NodeSocket, reader: ranges.Reader, stack: tuple = (), grids: bool = False) -> _Part:
+    """Bounds of the volume shader that feeds a socket. ``grids``: the object has voxels of its own."""
+    found, stack = ranges.source(socket, stack)
+    if found is None or not found.is_output:
+        return _Part()
+    node = found.node
+    read = lambda name: reader.of(node.inputs[name], stack)  # noqa: E731
+    positive = lambda value: ranges.most(value, Range(0.0, 0.0))  # noqa: E731
+    one = Range(1.0, 1.0)
+    match node.bl_idname:
+        case "ShaderNodeAddShader":
+            a, b = (_volume(inner, reader, stack, grids) for inner in node.inputs)
+            return _together(a, b)
+        case "ShaderNodeMixShader":
+            factor = ranges.clamped(reader.of(node.inputs[0], stack))
+            a, b = (_volume(inner, reader, stack, grids) for inner in node.inputs[1:3])
+            a = _weighted(a, ranges.minus(one, factor))
+            return _together(a, _weighted(b, factor))
+        case "ShaderNodeVolumeAbsorption":
+            sigma = ranges.times(positive(read("Density")), positive(ranges.minus(one, read("Color"))))
+            return _Part(sigma, 0.0, 0.0, False, sigma.rate > 0.0)
+        case "ShaderNodeVolumeScatter":
+            color = read("Color")
+            sigma = ranges.times(positive(read("Density")), positive(color))
+            g = _lobe(node, read)
+            return _Part(sigma, 1.0, g.high, False, sigma.rate > 0.0 or g.rate > 0.0)
+        case "ShaderNodeVolumePrincipled":
+            return _principled(node, read, grids)
+        case "ShaderNodeVolumeCoefficients":
+            absorbed, scattered = positive(read("Absorption Coefficients")), positive(read("Scatter Coefficients"))
+            g, emission = _lobe(node, read), read("Emission Coefficients")
+            sigma = ranges.plus(absorbed, scattered)
+            albedo = scattered.high / max(scattered.high + absorbed.low, 1e-300) if math.isfinite(scattered.high) else 1.0
+            return _Part(sigma, albedo, g.high, emission.high > 0.0, max(sigma.rate, g.rate, emission.rate) > 0.0)
+        case "ShaderNodeEmission":
+            strength = read("Strength")
+            return _Part(emits=strength.high > 0.0, textured=max(strength.rate, read("Color").rate) > 0.0)
+    return _UNREAD
+
+
+def _lobe(node: bpy.types.Node, read: callable) -> Range:
+    """|g| of a node's phase function."""
+    phase = getattr(node, "phase", "HENYEY_GREENSTEIN")
+    if phase == "RAYLEIGH":
+        return Range(RAYLEIGH_G, RAYLEIGH_G)
+    if phase != "HENYEY_GREENSTEIN":
+        return Range(0.999, 0.999)
+    g = read("Anisotropy")
+    return Range(0.0, min(0.999, max(abs(g.low), abs(g.high))), g.rate)
+
+
+def _principled(node: bpy.types.Node, read: callable, grids: bool) -> _Part:
+    one, zero = Range(1.0, 1.0), Range(0.0, 0.0)
+    density, color = ranges.most(read("Density"), zero), ranges.most(read("Color"), zero)
+    dark = ranges.minus(one, ranges.root(ranges.clamped(read("Absorption Color"))))
+    absorbed = ranges.times(ranges.most(ranges.minus(one, color), zero), ranges.most(dark, zero))
+    # Per channel; extremes of different channels do not meet, so this is a bound.
+    sigma = ranges.times(density, ranges.plus(color, absorbed))
+    # The brightest channel has the largest albedo: c / (c + (1 - c) (1 - sqrt A)) grows with both.
+    bright = min(color.high, 1.0)
+    albedo = bright / max(bright + (1.0 - bright) * max(dark.low, 0.0), 1e-300)
+    g, strength, glow = read("Anisotropy"), read("Emission Strength"), read("Blackbody Intensity")
+    textured = max(sigma.rate, g.rate, strength.rate, glow.rate, color.rate) > 0.0
+    if grids:
+        sigma, textured = Range(0.0, math.inf if sigma.high > 0.0 else 0.0, math.inf), True
+    return _Part(sigma, albedo, min(0.999, max(abs(g.low), abs(g.high))), max(strength.high, glow.high) > 0.0, textured)
+
+
+def _together(a: _Part, b: _Part) -> _Part:
+    return _Part(ranges.plus(a.sigma, b.sigma), max(a.albedo, b.albedo), max(a.g, b.g), a.emits or b.emits, a.textured or b.textured)
+
+
+def _weighted(a: _Part, factor: Range) -> _Part:
+    if factor.high == 0.0:
+        return _Part()
+    return _Part(ranges.times(a.sigma, factor), a.albedo, a.g, a.emits, a.textured or factor.rate > 0.0)
+
+
+def _substance(part: _Part) -> Substance:
+    sigma = part.sigma
+    feature = sigma.high / sigma.rate if 0.0 < sigma.rate < math.inf and math.isfinite(sigma.high) else 0.0
+    return Substance(Range(max(sigma.low, 0.0), max(sigma.high, 0.0)), part.albedo, part.g, part.emits, part.textured, feature)
+
+
+# --- objects -----------------------------------------------------------------------------------------------------
+
+
+def _corners(candidate: bpy.types.Object) -> tuple:
+    frame = candidate.matrix_world
+    return tuple(tuple(frame @ Vector(corner)) for corner in candidate.bound_box)
+
+
+def _medium(candidate: bpy.types.Object, material: bpy.types.Material, described: tuple) -> Medium:
+    corners = _corners(candidate)
+    low, high = visibility.bounds(corners)
+    size = [h - l for l, h in zip(low, high)]
+    smoke = any(modifier.type == "FLUID" for modifier in candidate.modifiers)
+    grids = candidate.type == "VOLUME" or smoke
+    reader = ranges.Reader(size, tuple(candidate.matrix_world.to_scale()))
+    part = _volume(described[0].inputs["Volume"], reader, grids=grids)
+    if described[1] and ranges.is_animated(material.node_tree):
+        # Values that keyframes move are ANY wherever they count; what else is animated may be anything.
+        part = _Part(replace(part.sigma, low=0.0), part.albedo, part.g, part.emits, part.textured)
+    # A modifier may fill the mesh with voxels.
+    step = 0.0 if grids or any(modifier.type == "NODES" for modifier in candidate.modifiers) else 0.1 * sum(size) / 3.0
+    return Medium(candidate.name, material.name, _substance(part), corners, moves(candidate), described[2], grids,
+                  material.cycles.volume_sampling, material.cycles.volume_step_rate, step,
+                  candidate.library is None and material.library is None and candidate.override_library is None)
+
+
+def _with_shared(media: list[Medium], found: list[bpy.types.Object]) -> list[Medium]:
+    """Each medium told whether its material is also in the slots of objects that are not rendered here."""
+    users: dict[str, int] = {}
+    for medium in media:
+        users[medium.material] = users.get(medium.material, 0) + 1
+    return [replace(medium, shared=bpy.data.materials[medium.material].users > users[medium.material]) for medium in media]
+
+
+def _lamp(candidate: bpy.types.Object) -> Lamp:
+    data, frame = candidate.data, candidate.matrix_world
+    strength = data.energy * 2.0**data.exposure
+    color = max(data.color) * (max(data.temperature_color) if data.use_temperature else 1.0)
+    radius = {"SUN": lambda: 0.5 * data.angle, "AREA": lambda: 0.5 * math.hypot(data.size, data.size_y) * max(frame.to_scale())}.get(
+        data.type, lambda: data.shadow_soft_size)()
+    power = abs(strength) * color
+    tree = _tree(data)
+    if tree is not None and tree.nodes and not _plain_emission(tree):
+        power = math.inf
+    if not getattr(data, "normalize", True):
+        power *= {"SUN": 1.0}.get(data.type, max(1.0, 4.0 * math.pi * radius * radius))
+    linking = candidate.light_linking
+    return Lamp(candidate.name, data.type, power, tuple(frame.translation),
+                tuple((frame.to_3x3() @ Vector((0.0, 0.0, -1.0))).normalized()), radius,
+                data.spot_size if data.type == "SPOT" else 0.0, moves(candidate),
+                linking.receiver_collection is not None, candidate.library is None and data.library is None, data.volume_factor)
+
+
+def _plain_emission(tree: bpy.types.NodeTree) -> bool:
+    """Whether the nodes of a lamp leave its strength as it is."""
+    output = _output(tree, "ShaderNodeOutputLight")
+    shaders = _shaders(output.inputs[0]) if output else []
+    return bool(shaders) and all(node.bl_idname == "ShaderNodeEmission" and _plain(node, "Strength") is not None
+                                 and _plain(node, "Strength") <= 1.0 and not node.inputs["Color"].is_linked
+                                 and max(node.inputs["Color"].default_value[:3]) <= 1.0 for node in shaders)
+
+
+def _world(blender_scene: bpy.types.Scene) -> Medium | None:
+    world = blender_scene.world
+    if world is None or _tree(world) is None:
+        return None
+    output = _output(world.node_tree, "ShaderNodeOutputWorld")
+    if output is None or not output.inputs["Volume"].is_linked:
+        return None
+    part = _volume(output.inputs["Volume"], ranges.Reader())
+    return Medium(world.name, world.name, _substance(part), (), False, False, False, world.cycles.volume_sampling,
+                  editable=world.library is None)
+
+
+def _environment(blender_scene: bpy.types.Scene) -> float:
+    world = blender_scene.world
+    if world is None:
+        return 0.0
+    if _tree(world) is None:
+        return max(world.color)
+    output = _output(world.node_tree, "ShaderNodeOutputWorld")
+    if output is None or not output.inputs["Surface"].is_linked:
+        return 0.0
+    reader, brightest = ranges.Reader(), 0.0
+    for node in _shaders(output.inputs["Surface"]):
+        if node.bl_idname != "ShaderNodeBackground":
+            return math.inf
+        radiance = ranges.times(reader.of(node.inputs["Strength"]), reader.of(node.inputs["Color"]))
+        brightest += max(radiance.high, 0.0) if radiance.rate == 0.0 else math.inf
+    return brightest
+
+
+def _view(blender_scene: bpy.types.Scene, engine: str) -> View | None:
+    """The camera where it is a perspective one; a lens that spreads wide or moves the eye is not described."""
+    camera = blender_scene.camera
+    if camera is None or camera.type != "CAMERA" or camera.data.type != "PERSP" or blender_scene.render.use_multiview:
+        return None
+    render, data = blender_scene.render, camera.data
+    frame = Matrix.LocRotScale(camera.matrix_world.translation, camera.matrix_world.to_quaternion(), None)
+    # Corners of the picture at depth 1, with shift and the aspect of the picture.
+    points = [tuple(corner / -corner.z) for corner in map(Vector, data.view_frame(scene=blender_scene))]
+    low = (min(p[0] for p in points), min(p[1] for p in points))
+    high = (max(p[0] for p in points), max(p[1] for p in points))
+    aperture = data.dof.use_dof
+    if aperture:  # what is out of focus spreads beyond its outline: taken as seen in a frame twice as wide
+        low, high = tuple(2.0 * l - h for l, h in zip(low, high)), tuple(2.0 * h - l for l, h in zip(low, high))
+    axes = frame.to_3x3()
+    markers = any(marker.camera is not None for marker in blender_scene.timeline_markers)
+    return View(tuple(frame.translation), tuple(axes.col[0]), tuple(axes.col[1]), tuple(axes.col[2]), low, high, data.clip_end,
+                moves(camera) or markers or render.use_motion_blur and moves(camera))
+
+
+def _surroundings(rest: list[bpy.types.Object], media: list[Medium], view: View | None, materials: dict) -> tuple[tuple, tuple, tuple]:
+    """Solids where a medium may be out of the picture, opaque faces that may fill it, and the room around the camera."""
+    if view is None:
+        return (), (), ()
+    faces, room = [], ()
+    reach = 0.5 * math.hypot(view.high[0] - view.low[0], view.high[1] - view.low[1])
+    for candidate in rest:
+        if candidate.type != "MESH" or len(candidate.data.polygons) > MOST_FACES or not candidate.visible_camera:
+            continue
+        away = math.dist(candidate.matrix_world.translation, view.position)
+        if max(candidate.dimensions) < reach * 0.1 * away:  # cannot fill the picture, nor be around the camera
+            continue
+        slots = candidate.material_slots
+        if not candidate.data.polygons or candidate.modifiers or moves(candidate) or any(
+                slot.material is not None and not _known(slot.material, materials)[3] for slot in slots):
+            continue
+        frame, points = candidate.matrix_world, candidate.data.vertices
+        outlines = [tuple(tuple(frame @ points[index].co) for index in polygon.vertices) for polygon in candidate.data.polygons]
+        faces += outlines
+        if not room and _holds(candidate.data, outlines, view.position):
+            room = _corners(candidate)
+    depth = min((visibility.filled_depth(view, face) for face in faces), default=math.inf)
+    out = any(medium.corners and (not visibility.in_frame(view, medium.corners, depth)
+                                  or room and visibility.distance(medium.corners, room) > 0.0) for medium in media)
+    if not out:
+        return (), (), ()
+    solids = tuple(Solid(_corners(candidate), moves(candidate), _reflects(candidate, materials)) for candidate in rest)
+    filling = [face for face in faces if math.isfinite(visibility.filled_depth(view, face))]
+    return solids, tuple(filling), room
+
+
+def _reflects(candidate: bpy.types.Object, materials: dict) -> bool:
+    return any(slot.material is not None and _known(slot.material, materials)[4] for slot in candidate.material_slots)
+
+
+def _holds(mesh: bpy.types.Mesh, outlines: list, eye: tuple) -> bool:
+    """Whether the mesh is closed and convex, and the eye inside."""
+    if len(outlines) < 4:
+        return False
+    count: dict[tuple, int] = {}
+    for polygon in mesh.polygons:
+        for key in polygon.edge_keys:
+            count[key] = count.get(key, 0) + 1
+    if any(times != 2 for times in count.values()):
+        return False
+    vertices = [point for outline in outlines for point in outline]
+    middle = tuple(sum(column) / len(vertices) for column in zip(*vertices))
+    size = visibility.diagonal(vertices)
+    for outline in outlines:
+        normal = visibility.cross(visibility.subtract(outline[1], outline[0]), visibility.subtract(outline[2], outline[0]))
+        side = lambda point: visibility.dot(visibility.subtract(point, outline[0]), normal)  # noqa: E731
+        inward = side(middle)
+        slack = 1e-6 * size * math.hypot(*normal)
+        if inward == 0.0 or side(eye) * inward <= 0.0 or any(side(p) * math.copysign(1.0, inward) < -slack for p in vertices):
+            return False
+    return True
+
+
+# --- passes ------------------------------------------------------------------------------------------------------
+
+
+def _unused_passes(blender_scene: bpy.types.Scene) -> Iterator[tuple[str, str]]:
+    """Passes that are rendered, where the file holds the picture alone and no compositor reads them."""
+    image = blender_scene.render.image_settings
+    if image.file_format == "OPEN_EXR_MULTILAYER" or blender_scene.render.use_compositing and \
+            compat.present_compositing_tree(blender_scene) is not None:
+        return
+    if blender_scene.render.use_freestyle:
+        return
+    for layer in blender_scene.view_layers:
+        for path in _PASSES:
+            owner = layer
+            *parents, name = path.split(".")
+            for parent in parents:
+                owner = getattr(owner, parent, None)
+            if owner is not None and getattr(owner, name, False):
+                yield layer.name, path
+
+
+_PASSES = (
+    *(f"use_pass_{name}" for name in (
+        "z", "mist", "position", "normal", "vector", "uv", "object_index", "material_index", "shadow", "ambient_occlusion", "emit",
+        "environment", "diffuse_direct", "diffuse_indirect", "diffuse_color", "glossy_direct", "glossy_indirect", "glossy_color",
+        "transmission_direct", "transmission_indirect", "transmission_color", "subsurface_direct", "subsurface_indirect",
+        "subsurface_color", "cryptomatte_object", "cryptomatte_material", "cryptomatte_asset")),
+    "cycles.use_pass_volume_direct", "cycles.use_pass_volume_indirect", "cycles.denoising_store_passes",
+    "cycles.pass_debug_sample_count")

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Plans for a user's own scene: find the advice, apply it, and bring back every value, also after saving and loading.
+
+What was changed is remembered on the very datablock, as a custom property: it survives renaming, and goes where the block goes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterator, Sequence
+from typing import Any
+
+import bpy
+
+from ..plan import tuning
+from ..plan.tuning import Advice, Change
+from . import observe, settings
+
+KEY = "volumetrics_plan"
+OWNERS = ("scenes", "objects", "materials", "worlds", "lights")
+EXCLUDES = "excludes"
+
+
+def plan(scene: bpy.types.Scene, error: float = tuning.TARGET, without: Collection[str] = ()) -> list[Advice]:
+    """The advice for the scene as it is now, within the relative error; see ``plan.tuning.tune``. Nothing is changed."""
+    return tuning.tune(observe.scene(scene), error, without)
+
+
+def apply(scene: bpy.types.Scene, advice: Sequence[Advice]) -> None:
+    """Make the changes of the advice; what an earlier plan has changed is brought back first."""
+    restore(scene)
+    for change in (change for entry in advice for change in entry.changes):
+        block = _block(scene, change)
+        if block is None:
+            continue
+        if change.path == EXCLUDES:
+            _exclude(block, change.value)
+            continue
+        path = _path(change)
+        before = settings.apply(block, {path: change.value})
+        _remember(block, path, before[path], settings.get(block, path))
+
+
+def restore(scene: bpy.types.Scene) -> int:
+    """Bring back what a plan has changed in the scene; values that the user has changed since stay. Returns how many came back."""
+    restored = 0
+    for block in list(_touched(scene)):
+        mine = json.loads(block[KEY])
+        for path, (before, applied) in mine.items():
+            if path == EXCLUDES:
+                _include_again(block, before)
+            else:
+                try:
+                    if not settings.same(settings.get(block, path), applied):
+                        continue
+                    settings.apply(block, {path: before})
+                except (AttributeError, KeyError):  # a view layer that is gone
+                    continue
+            restored += 1
+        del block[KEY]
+    return restored
+
+
+def is_applied(scene: bpy.types.Scene) -> bool:
+    return next(_touched(scene), None) is not None
+
+
+def _touched(scene: bpy.types.Scene) -> Iterator[bpy.types.ID]:
+    """Datablocks of the scene that remember a change."""
+    if KEY in scene:
+        yield scene
+    if scene.world is not None and KEY in scene.world:
+        yield scene.world
+    seen = set()
+    for candidate in scene.objects:
+        data = candidate.data if candidate.type == "LIGHT" else None
+        for block in (candidate, data, *(slot.material for slot in candidate.material_slots)):
+            if block is not None and KEY in block and block.as_pointer() not in seen:
+                seen.add(block.as_pointer())
+                yield block
+
+
+def _block(scene: bpy.types.Scene, change: Change) -> bpy.types.ID | None:
+    """The datablock that a change is made in; changes of a view layer are the scene's."""
+    if change.owner in ("scenes", "view_layers"):
+        return scene
+    if change.owner == "lights":
+        lamp = bpy.data.objects.get((change.name, None))
+        return lamp.data if lamp else None
+    return getattr(bpy.data, change.owner).get((change.name, None))
+
+
+def _path(change: Change) -> str:
+    return f"view_layers[{change.name}].{change.path}" if change.owner == "view_layers" else change.path
+
+
+def _remember(block: bpy.types.ID, path: str, before: Any, applied: Any) -> None:
+    mine = json.loads(block[KEY]) if KEY in block else {}
+    mine[path] = (before, applied)
+    block[KEY] = json.dumps(mine)
+
+
+def _exclude(lamp: bpy.types.Object, names: Sequence[str]) -> None:
+    """Let the lamp light everything but these objects, by a collection of its own that holds them as excluded."""
+    receivers = bpy.data.collections.new(f"{lamp.name} lights all but")
+    lamp.light_linking.receiver_collection = receivers
+    for name in names:
+        candidate = bpy.data.objects.get((name, None))
+        if candidate is not None:
+            receivers.objects.link(candidate)
+    for entry in receivers.collection_objects:
+        entry.light_linking.link_state = "EXCLUDE"
+    receivers[KEY] = "{}"
+    _remember(lamp, EXCLUDES, None, list(names))
+
+
+def _include_again(lamp: bpy.types.Object, before: None) -> None:
+    receivers = lamp.light_linking.receiver_collection
+    if receivers is not None and KEY in receivers:
+        lamp.light_linking.receiver_collection = None
+        if receivers.users == 0:
+            bpy.data.collections.remove(receivers)

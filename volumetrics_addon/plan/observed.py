@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A user's own scene as the planner sees it: plain data in the scene's units, W and radians, without Blender.
+
+What is unknown is written so that no rule can be wrong about it: an extinction of infinity, an albedo of 1, a feature of 0, and
+``moves`` for whatever may not stay where it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..scene.model import Vector
+
+
+@dataclass(frozen=True)
+class Range:
+    """Bounds of a value over a domain, and of its change over a unit of length: a rate of 0 is the same everywhere."""
+
+    low: float
+    high: float
+    rate: float = 0.0
+
+    @property
+    def is_constant(self) -> bool:
+        return self.low == self.high
+
+
+ANY, UNKNOWN = Range(-math.inf, math.inf), Range(-math.inf, math.inf, math.inf)
+
+
+@dataclass(frozen=True)
+class Substance:
+    """Bounds of what a volume material does anywhere in its domain.
+
+    ``extinction`` (1/m) is that of the densest channel. ``albedo`` bounds the single-scattering albedo of all channels, ``g`` the
+    magnitude of the mean cosine. ``feature`` (m) is the smallest distance over which the density changes by much, 0 where unknown.
+    """
+
+    extinction: Range = Range(0.0, math.inf)
+    albedo: float = 1.0
+    g: float = 1.0
+    emits: bool = True
+    textured: bool = True
+    feature: float = 0.0
+
+
+@dataclass(frozen=True)
+class Medium:
+    """An object, or the world (no ``corners``), that holds a medium. ``corners`` are the eight of its bounding box."""
+
+    name: str
+    material: str
+    substance: Substance
+    corners: tuple[Vector, ...] = ()
+    moves: bool = False
+    has_surface: bool = False
+    voxels: bool = False
+    sampling: str = "MULTIPLE_IMPORTANCE"
+    step_rate: float = 1.0
+    step: float = 0.0  # the length (m) of a step of ray marching at rate 1
+    editable: bool = True
+    shared: bool = False  # whether objects that are not listed here have the material too
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A light: ``power`` (W, a sun W/m^2) of its strongest channel, ``radius`` (m) of what shines, a spot's full ``cone`` (rad).
+
+    ``is_linked``: the user has chosen what receives it; such a lamp is left alone.
+    """
+
+    name: str
+    kind: str
+    power: float
+    position: Vector = (0.0, 0.0, 0.0)
+    direction: Vector = (0.0, 0.0, -1.0)
+    radius: float = 0.0
+    cone: float = 0.0
+    moves: bool = False
+    is_linked: bool = False
+    editable: bool = True
+    volume_factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class View:
+    """A perspective camera: half extents of the picture at distance 1 around the (shifted) axis."""
+
+    position: Vector
+    right: Vector
+    up: Vector
+    back: Vector
+    low: tuple[float, float]
+    high: tuple[float, float]
+    clip_end: float
+    moves: bool = False
+
+    def point(self, x: float, y: float, depth: float) -> Vector:
+        """Of the picture's plane at this depth; x and y in units of the depth."""
+        return tuple(p + depth * (x * r + y * u - b)
+                     for p, r, u, b in zip(self.position, self.right, self.up, self.back))
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Anything else that is rendered: the corners of its bounding box, and whether it mirrors or refracts what is around it."""
+
+    corners: tuple[Vector, ...]
+    moves: bool = False
+    reflects: bool = False
+
+
+@dataclass(frozen=True)
+class Observed:
+    """The scene: settings by path are read as they are asked for in ``settings``.
+
+    ``faces`` are flat, convex and opaque; ``room`` holds the corners of the bounding box of a closed, convex and opaque mesh around
+    the camera.
+    """
+
+    engine: str
+    settings: Mapping[str, Any]
+    view: View | None = None
+    media: tuple[Medium, ...] = ()
+    lamps: tuple[Lamp, ...] = ()
+    solids: tuple[Solid, ...] = ()
+    environment: float = 0.0  # radiance of the world, its strongest channel; infinite where it is a picture
+    faces: tuple[tuple[Vector, ...], ...] = ()
+    room: tuple[Vector, ...] = ()
+    frames: int = 1
+    has_emitters: bool = False  # meshes that shine
+    has_surfaces: bool = False
+    has_instances: bool = False  # of objects that hold media or lights and are not listed
+    unused_passes: tuple[tuple[str, str], ...] = ()  # view layer and path
+    null_scattering: bool = True  # whether the engine has it beside ray marching

@@ -1,0 +1,414 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a user's own scene does not need: rules that change engine settings and which lamp lights which medium, never materials.
+
+Plain data in, plain data out. Each rule looks at the scene alone and never raises what it finds: the picture is the one that the
+scene's own settings converge to, within the error target.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from . import visibility
+from .catalogue import RULES, TARGET, Rule
+from .model import EEVEE
+from .observed import Lamp, Medium, Observed
+
+# Ray marching is jittered: with a step of optical depth d at most, one random offset for a whole ray makes a transmittance too
+# large by d^2 / 24, the variance of a uniform offset in the exponent. Voxels by measurement, see rules.THICKEST_STEP.
+MARCHED_BIAS, VOXEL_BIAS = 1.0 / 24.0, 0.017
+FEATURE_STEP = 0.3  # of a feature, at most
+MOST_STEPS = 1024  # of a ray: what the engine follows by default; a medium that needs more stays as it is
+THINNEST = 1e-4  # optical depth
+
+
+@dataclass(frozen=True)
+class Change:
+    """A property to set: the collection of Blender's data, the name in it, the path below, and the value.
+
+    The path ``excludes`` of an object that is a lamp holds the names of the objects that it no longer lights.
+    """
+
+    owner: str
+    name: str
+    path: str
+    value: Any
+
+    def __str__(self) -> str:
+        name = f"{self.owner.rstrip('s')} {self.name}: " if self.name else ""
+        if self.path == "excludes":
+            return f"{name}lights all but {_listed(self.value)}"
+        return f"{name}{self.path} = {self.value:g}" if isinstance(self.value, float) else f"{name}{self.path} = {self.value}"
+
+
+@dataclass(frozen=True)
+class Advice:
+    """A rule that applies to the scene: what to change, why, and the bound on the picture's relative error."""
+
+    rule: Rule
+    changes: tuple[Change, ...]
+    reason: str
+    bound: float = 0.0
+
+
+def tune(scene: Observed, error: float = TARGET, without: Collection[str] = ()) -> list[Advice]:
+    """The advice for the scene; together it changes the picture by at most the relative ``error``.
+
+    ``without`` names rules that are switched off. Raises ValueError for a name that no rule has and for an error that is not
+    above 0.
+    """
+    if not 0.0 < error < math.inf:
+        raise ValueError(f"error must be above 0, got {error:g}; give a relative error such as {TARGET:g}")
+    for name in without:
+        if name not in RULES:
+            raise ValueError(f"there is no rule {name!r}; the rules are {', '.join(RULES)}")
+    found: list[Advice] = []
+    for name, rule in RULES.items():
+        if name in without or scene.engine not in rule.engines or (name not in without and not rule.by_default):
+            continue
+        changes = _FINDERS[name](scene, rule.share * error)
+        if changes is not None:
+            found.append(Advice(rule, *changes))
+            scene = _after(scene, found[-1])
+    return found
+
+
+Found = tuple[tuple[Change, ...], str, float] | None
+
+
+def figures(advice: Advice, engine: str) -> str:
+    """The bound and the measured gain of an advice, in a few words."""
+    bound = "same picture" if advice.bound == 0.0 else f"changes {100.0 * advice.bound:.2g} % at most"
+    gain = advice.rule.gain.get(engine)
+    return f"{bound}, {gain:g} x as fast on {advice.rule.shown_by}" if gain else bound
+
+
+def _after(scene: Observed, advice: Advice) -> Observed:
+    """The scene without the media that are left out: they no longer count for the rules that follow."""
+    gone = {change.name for change in advice.changes if change.path == "hide_render"}
+    if not gone:
+        return scene
+    return replace(scene, media=tuple(medium for medium in scene.media if medium.name not in gone))
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:3])
+    return shown if len(names) <= 3 else f"{shown} and {len(names) - 3} more"
+
+
+# --- what is known of a medium -----------------------------------------------------------------------------------
+
+
+def optical_depth(medium: Medium) -> float:
+    """Bound on the optical depth of the longest way through the medium."""
+    thickest = medium.substance.extinction.high
+    if thickest == 0.0:
+        return 0.0
+    return thickest * visibility.diagonal(medium.corners) if medium.corners else math.inf
+
+
+def taken(medium: Medium) -> float:
+    """Bound on the share of light that the medium scatters or absorbs on its way through."""
+    return -math.expm1(-optical_depth(medium))
+
+
+# --- the rules ---------------------------------------------------------------------------------------------------
+
+
+def _thin(scene: Observed, allowed: float) -> Found:
+    """Hidden where it neither dims nor shines: depth tau dims by tau at most, and scatters tau times pi times the peak of its
+    phase function (1 + g) / (4 pi (1 - g)^2) of what a white surface sends back."""
+    names, total = [], 0.0
+    for medium in scene.media:
+        substance, depth = medium.substance, optical_depth(medium)
+        if not medium.editable or medium.has_surface or medium.moves or substance.emits or not medium.corners or depth > THINNEST:
+            continue
+        peak = 0.25 * (1.0 + substance.g) / max(1.0 - substance.g, 1e-3) ** 2 if depth else 0.0
+        bound = depth * max(1.0, peak)
+        if total + bound <= allowed:
+            names.append(medium.name)
+            total += bound
+    if not names:
+        return None
+    return _hidden(names), f"{_listed(names)}: optical depth {'0' if total == 0.0 else f'below {THINNEST:g}'}", total
+
+
+def _hidden(names: Sequence[str]) -> tuple[Change, ...]:
+    return tuple(Change("objects", name, "hide_render", True) for name in names)
+
+
+def _unseen(scene: Observed, allowed: float) -> Found:
+    view = scene.view
+    if view is None or view.moves or scene.has_instances:
+        return None
+    depth = min((visibility.filled_depth(view, face) for face in scene.faces), default=math.inf)
+    lamps = [lamp for lamp in scene.lamps if lamp.power > 0.0]
+    names, total = [], 0.0
+    seen: list[tuple] | None = None
+    for medium in scene.media:
+        corners = medium.corners
+        if not corners or not medium.editable or medium.moves or medium.has_surface or medium.substance.emits:
+            continue
+        if _in_picture(scene, corners, depth):
+            continue
+        if seen is None:  # what is in the picture, as few hulls: found once, and only when a medium is not
+            seen = _seen(scene, depth)
+        if seen is None or any(solid.moves for solid in scene.solids):
+            return None
+        bound = 0.0
+        for hulls in seen:
+            away = max(visibility.distance(corners, hull) for hull in hulls)
+            bound = max(bound, taken(medium) * visibility.solid_angle_share(corners, away))
+            if bound > allowed or any(all(_may_shade(lamp, medium, hull, scene) for hull in hulls) for lamp in lamps):
+                bound = math.inf
+                break
+        if total + bound <= allowed:
+            names.append(medium.name)
+            total += bound
+    if not names:
+        return None
+    return _hidden(names), f"{_listed(names)}: outside the picture, and between no lamp and anything in it", total
+
+
+def _in_picture(scene: Observed, corners: Sequence, depth: float) -> bool:
+    outside = bool(scene.room) and visibility.distance(corners, scene.room) > 0.0
+    return not outside and visibility.in_frame(scene.view, corners, depth)
+
+
+def _seen(scene: Observed, depth: float) -> list[tuple] | None:
+    """Hulls that hold what is in the picture: of all solids together, and of each medium. None where something mirrors the rest."""
+    view, result = scene.view, []
+    solids = [solid for solid in scene.solids if _in_picture(scene, solid.corners, depth)]
+    if any(solid.reflects for solid in solids):
+        return None
+    if solids:
+        result.append(visibility.cut(view, [corner for solid in solids for corner in solid.corners], depth))
+    for medium in scene.media:
+        if not medium.corners:  # a world's is wherever the camera looks
+            result.append((visibility.pyramid(view, 0.0, min(depth, view.clip_end)),))
+        elif _in_picture(scene, medium.corners, depth):
+            result.append(visibility.cut(view, medium.corners, depth))
+    return [(*hulls, scene.room) for hulls in result] if scene.room else result
+
+
+def _may_shade(lamp: Lamp, medium: Medium, hull: Sequence, scene: Observed) -> bool:
+    """Whether the medium may be between the lamp and the hull."""
+    if lamp.moves:
+        return True
+    if lamp.kind == "SUN":
+        low, high = visibility.bounds([*hull, *medium.corners])
+        far = visibility.FAR * math.dist(low, high)
+        source = [tuple(p - far * d for p, d in zip(point, lamp.direction)) for point in hull]
+        if lamp.radius > 0.0:  # half its angle, in radians: the rays fan out
+            spread = far * math.tan(min(lamp.radius, 1.5))
+            source = [tuple(p + s * spread for p, s in zip(point, signs))
+                      for point in source for signs in visibility.corners((-1.0,) * 3, (1.0,) * 3)]
+    else:
+        source = visibility.corners(*(tuple(p + sign * lamp.radius for p in lamp.position) for sign in (-1.0, 1.0)))
+        if scene.room and visibility.distance(source, scene.room) > 0.0:
+            return False  # its light stays outside
+    return visibility.distance(medium.corners, [*hull, *source]) == 0.0
+
+
+def _bounces(scene: Observed, allowed: float) -> Found:
+    present = scene.settings.get("cycles.volume_bounces", 0)
+    if present == 0 or not scene.media or scene.has_instances:
+        return None
+    depth = sum(optical_depth(medium) for medium in scene.media)
+    share = max(medium.substance.albedo for medium in scene.media) * -math.expm1(-depth)
+    if share >= 1.0:
+        return None
+    needed = max(0, math.ceil(math.log(allowed) / math.log(share) - 1.0)) if share > 0.0 else 0
+    if needed >= present:
+        return None
+    return ((Change("scenes", "", "cycles.volume_bounces", needed),),
+            f"{needed} instead of {present}: of the light, {share:.2g} at most is scattered in each event", share ** (needed + 1))
+
+
+def _sampling(scene: Observed, allowed: float) -> Found:
+    if not scene.lamps or scene.has_instances:
+        return None
+    local = all(lamp.kind != "SUN" for lamp in scene.lamps) and scene.environment == 0.0
+    single = scene.settings.get("cycles.volume_bounces", 0) == 0
+    best = "EQUIANGULAR" if local and single and len(scene.lamps) == 1 else "MULTIPLE_IMPORTANCE"
+    changes = []
+    for medium in scene.media:
+        textured = medium.substance.textured
+        wanted = best if medium.corners and not textured else "MULTIPLE_IMPORTANCE"
+        if medium.sampling != wanted and medium.editable and medium.material:
+            owner = "materials" if medium.corners else "worlds"
+            changes.append(Change(owner, medium.material, "cycles.volume_sampling", wanted))
+    if not changes:
+        return None
+    kinds = {change.value for change in changes}
+    return (tuple(dict.fromkeys(changes)),
+            "; ".join({"EQUIANGULAR": "one lamp at a point, scattering once: samples where it is near",
+                       "MULTIPLE_IMPORTANCE": "by lamps and by distance together: neither alone serves all of the view"}[kind]
+                      for kind in sorted(kinds)), 0.0)
+
+
+def _step(medium: Medium, allowed: float) -> float:
+    """The longest step (m) of ray marching whose bias is allowed; 0 where nothing is known."""
+    substance = medium.substance
+    thickest = substance.extinction.high
+    if not substance.textured or not math.isfinite(thickest) or substance.feature <= 0.0 or not medium.corners:
+        return 0.0
+    deepest = allowed / VOXEL_BIAS if medium.voxels else math.sqrt(allowed / MARCHED_BIAS)
+    step = FEATURE_STEP * substance.feature
+    return min(step, deepest / thickest) if thickest > 0.0 else step
+
+
+def _marched_bias(medium: Medium, step: float) -> float:
+    depth = medium.substance.extinction.high * step
+    return VOXEL_BIAS * depth if medium.voxels else MARCHED_BIAS * depth * depth
+
+
+def _marching(scene: Observed, allowed: float) -> Found:
+    """All textured media together, or none: the scene has one switch. Rates are those of materials, the scene's own is 1."""
+    if not scene.null_scattering or scene.settings.get("cycles.volume_biased") or scene.has_instances:
+        return None
+    textured = [medium for medium in scene.media if medium.substance.textured]
+    steps = [_step(medium, allowed / len(textured)) for medium in textured]
+    if not textured or min(steps) == 0.0 or any(medium.shared or not medium.editable or medium.step <= 0.0 for medium in textured):
+        return None
+    longest = max(visibility.diagonal(medium.corners) / step for medium, step in zip(textured, steps))
+    if longest > MOST_STEPS:
+        return None
+    changes = [Change("scenes", "", "cycles.volume_biased", True)]
+    if scene.settings.get("cycles.volume_step_rate", 1.0) != 1.0:
+        changes.append(Change("scenes", "", "cycles.volume_step_rate", 1.0))
+    if longest > scene.settings.get("cycles.volume_max_steps", MOST_STEPS):
+        changes.append(Change("scenes", "", "cycles.volume_max_steps", MOST_STEPS))
+    changes += _rates(textured, steps)
+    return tuple(changes), f"{_listed([m.name for m in textured])}: steps of {min(steps):.3g}, at most {longest:.0f} of them", \
+        sum(_marched_bias(medium, step) for medium, step in zip(textured, steps))
+
+
+def _rates(media: Sequence[Medium], steps: Sequence[float]) -> Iterator[Change]:
+    """Of each material the rate that all of its media are content with."""
+    rates: dict[str, float] = {}
+    for medium, step in zip(media, steps):
+        rate = max(1e-3, step / medium.step)
+        rates[medium.material] = min(rate, rates.get(medium.material, rate))
+    for material, rate in rates.items():
+        yield Change("materials", material, "cycles.volume_step_rate", rate)
+
+
+def _longer(scene: Observed, allowed: float) -> Found:
+    """Where media are marched anyway: their own rate, raised to what the density needs."""
+    marched = not scene.null_scattering or scene.settings.get("cycles.volume_biased")
+    if not marched or scene.has_instances:
+        return None
+    overall = scene.settings.get("cycles.volume_step_rate", 1.0)
+    textured = [medium for medium in scene.media if medium.substance.textured and medium.step > 0.0]
+    chosen, steps, bound = [], [], 0.0
+    for medium in textured:
+        step = _step(medium, allowed / len(textured))
+        if step > 1.05 * medium.step * medium.step_rate * overall and medium.editable and not medium.shared:
+            chosen.append(medium)
+            steps.append(step / overall)
+            bound += _marched_bias(medium, step)
+    if not chosen:
+        return None
+    return tuple(_rates(chosen, steps)), f"{_listed([m.name for m in chosen])}: steps of {min(steps) * overall:.3g}", bound
+
+
+def _irradiance(lamp: Lamp, medium: Medium) -> tuple[float, float]:
+    """Bounds of the lamp's unshaded irradiance in the medium: least (of lamps that shine all over it) and largest."""
+    if lamp.kind == "SUN":
+        return lamp.power, lamp.power
+    nearest, farthest = visibility.box_distance(medium.corners, lamp.position)
+    if lamp.kind == "SPOT" and not _meets_cone(lamp, medium):
+        return 0.0, 0.0
+    nearest = max(nearest - lamp.radius, 0.0)
+    peak = lamp.power / math.pi if lamp.kind == "AREA" else lamp.power / (4.0 * math.pi)
+    largest = math.inf if nearest == 0.0 else peak / nearest**2
+    everywhere = lamp.kind == "POINT"
+    return (lamp.power / (4.0 * math.pi) / (farthest + lamp.radius) ** 2 if everywhere else 0.0), largest
+
+
+def _meets_cone(lamp: Lamp, medium: Medium) -> bool:
+    """Whether some of the medium may be in the spot's cone: not where a plane through its tip parts the two."""
+    if lamp.cone >= math.pi:
+        return True
+    low, high = visibility.bounds(medium.corners)
+    middle = tuple(0.5 * (l + h) for l, h in zip(low, high))
+    radius = 0.5 * math.dist(low, high) + lamp.radius / max(math.sin(0.5 * lamp.cone), 1e-3)
+    way = tuple(m - p for m, p in zip(middle, lamp.position))
+    away = math.hypot(*way)
+    if away <= radius:
+        return True
+    angle = math.acos(max(-1.0, min(1.0, visibility.dot(way, lamp.direction) / away)))
+    return angle - math.asin(radius / away) <= 0.5 * lamp.cone
+
+
+def _idle(scene: Observed, allowed: float) -> Found:
+    if scene.has_instances or len(scene.lamps) < 2:
+        return None
+    excluded: dict[str, list[str]] = {}
+    total = 0.0
+    for medium in scene.media:
+        if not medium.corners or medium.moves or not medium.editable:
+            continue
+        contrast = ((1.0 + medium.substance.g) / max(1.0 - medium.substance.g, 1e-3)) ** 3
+        reach = {lamp.name: _irradiance(lamp, medium) for lamp in scene.lamps if not lamp.moves}
+        least = sum(low for low, _ in reach.values()) + math.pi * (scene.environment if math.isfinite(scene.environment) else 0.0)
+        dropped = 0.0
+        for lamp in sorted(scene.lamps, key=lambda lamp: reach.get(lamp.name, (0.0, math.inf))[1]):
+            if lamp.moves or lamp.is_linked or not lamp.editable or lamp.volume_factor == 0.0:
+                continue
+            low, high = reach[lamp.name]
+            least -= low  # what is dropped lights nothing
+            bound = (dropped + high) * contrast / least if least > 0.0 else (0.0 if dropped + high == 0.0 else math.inf)
+            if bound > allowed:
+                break
+            dropped += high
+            excluded.setdefault(lamp.name, []).append(medium.name)
+            total = max(total, bound)
+    if not excluded:
+        return None
+    names = list(excluded)
+    if scene.engine == EEVEE:
+        # A lamp of EEVEE lights all media or none.
+        inside = {medium.name for medium in scene.media}
+        names = [name for name in names if inside == set(excluded[name])]
+        changes = tuple(Change("lights", name, "volume_factor", 0.0) for name in names)
+    else:
+        changes = tuple(Change("objects", name, "excludes", tuple(excluded[name])) for name in names)
+    return (changes, f"{len(names)} of {len(scene.lamps)} lamps: {_listed(names)}", total) if names else None
+
+
+def _light_tree(scene: Observed, allowed: float) -> Found:
+    lamps = len(scene.lamps) + (scene.environment > 0.0)
+    if lamps > 2 or scene.has_instances or not scene.settings.get("cycles.use_light_tree") or scene.has_emitters:
+        return None
+    return (Change("scenes", "", "cycles.use_light_tree", False),), f"{lamps} source(s) of light", 0.0
+
+
+def _guiding(scene: Observed, allowed: float) -> Found:
+    if not scene.settings.get("cycles.use_guiding") or scene.settings.get("cycles.volume_bounces") or scene.has_surfaces:
+        return None
+    return (Change("scenes", "", "cycles.use_guiding", False),), "light is scattered once, straight from the lamps", 0.0
+
+
+def _passes(scene: Observed, allowed: float) -> Found:
+    if not scene.unused_passes:
+        return None
+    changes = tuple(Change("view_layers", layer, path, False) for layer, path in scene.unused_passes)
+    return changes, f"{len(changes)} passes that nothing reads", 0.0
+
+
+def _persistent(scene: Observed, allowed: float) -> Found:
+    if scene.frames < 2 or scene.settings.get("render.use_persistent_data"):
+        return None
+    return (Change("scenes", "", "render.use_persistent_data", True),), f"{scene.frames} frames", 0.0
+
+
+_FINDERS: dict[str, Callable[[Observed, float], Found]] = {
+    "bounces": _bounces, "sampling": _sampling, "ray marching": _marching, "longer steps": _longer, "unseen media": _unseen,
+    "thin media": _thin, "idle lamps": _idle, "light tree": _light_tree, "guiding": _guiding, "passes": _passes,
+    "persistent data": _persistent,
+}
