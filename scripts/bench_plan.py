@@ -6,7 +6,7 @@
 
 Stock: the scene's own settings, Blender's start-up ones plus what its tutorial sets. Planned: the same scene after the planner.
 Denoising is off for both, since it hides the noise that is compared; samples climb a ladder by fours, stock and planned taking
-turns, until the wanted error is reached or a picture takes longer than the limit. Seconds are those of all processors (other
+turns, until the wanted error is reached or the samples take longer than the limit. Seconds are those of all processors (other
 work on the machine changes them little) and of the clock, of the picture alone; planning is timed by scripts/bench_tool.py.
 
 The truth is the stock picture converged, several seeds, adaptive sampling off, kept beside the CSV under a digest. The error is
@@ -42,12 +42,13 @@ from volumetrics_addon.bench.equal_error import (  # noqa: E402
 )
 from volumetrics_addon.blender import compat, render, tuning  # noqa: E402
 from volumetrics_addon.compare.statistics import Estimate, compare  # noqa: E402
+from volumetrics_addon.plan import tuning as tuned  # noqa: E402
 from volumetrics_addon.plan.model import CYCLES, EEVEE  # noqa: E402
 
 FULL_HD = 1920 * 1080
 STOCK_EEVEE_SAMPLES = 64
 MOST_SAMPLES = {CYCLES: 16384, EEVEE: 256}
-QUIET_RULES = ("denoising",)  # compared without
+LONG = 3.0  # processor seconds of a picture that is taken once
 
 
 @dataclass
@@ -68,7 +69,7 @@ class Bench:
         self.built: bpy.types.Scene | None = None
 
     def plan(self) -> list:
-        return tuning.plan(self.build(), without=(*QUIET_RULES, *self.without))
+        return tuning.plan(self.build(), without=self.without)
 
     def build(self) -> bpy.types.Scene:
         scene = self.usual.build()
@@ -84,8 +85,8 @@ class Bench:
         if way.rules == ():
             yield scene
             return
-        advice = tuning.plan(scene, without=(*QUIET_RULES, *self.without))
-        tuning.apply(scene, [one for one in advice if way.rules is None or one.rule in way.rules])
+        advice = tuning.plan(scene, without=self.without)
+        tuning.apply(scene, [one for one in advice if way.rules is None or one.rule.name in way.rules])
         yield scene
         tuning.restore(scene)
 
@@ -111,12 +112,11 @@ class Bench:
         if self.engine == EEVEE:
             self.shoot(way, 1)  # compiles
             return self.shoot(way, MOST_SAMPLES[EEVEE], converged=True)[0][None]
-        _, few, _ = self.shoot(way, 16, 1000, converged=True)
-        _, more, _ = self.shoot(way, 80, 1000, converged=True)
-        each = max((more - few) / 64, 1e-6)
-        repeats = 8 if few - 16 * each < 0.02 * budget else 4
-        samples = (budget / repeats - max(few - 16 * each, 0.0)) / each
-        samples = int(np.clip(samples, 128, 65536))
+        _, few, _ = self.shoot(way, 1, 1000, converged=True)
+        _, more, _ = self.shoot(way, 33, 1000, converged=True)
+        each = max((more - few) / 32, 1e-6)
+        repeats = 8 if few < 0.02 * budget else 4
+        samples = int(np.clip((budget / repeats - few) / each, 128, 65536))
         return np.stack([self.shoot(way, samples, 1001 + seed, converged=True)[0] for seed in range(repeats)])
 
     def truth(self, budget: float, folder: Path) -> np.ndarray:
@@ -139,20 +139,21 @@ class Bench:
 def climb(bench: Bench, ways: list[Way], truth: np.ndarray, wanted: float, limit: float, repeats: int, first: int) -> None:
     """Fill the ladders, the ways taking turns; each stops at the wanted error, the limit, or the most samples."""
     mean, variance = truth.mean(axis=0), truth.var(axis=0, ddof=1) / len(truth) if len(truth) > 1 else np.zeros_like(truth[0])
-    for way in ways:
-        bench.shoot(way, 1)
+    if bench.engine == EEVEE:
+        for way in ways:
+            bench.shoot(way, 1)  # compiles
     samples, climbing = first, list(ways)
     while climbing and samples <= MOST_SAMPLES[bench.engine]:
         shots: dict[str, list] = {way.name: [] for way in climbing}
         for repeat in range(repeats if bench.engine == CYCLES or samples < 64 else 1):
             for way in climbing:
-                if repeat == 0 or repeat == 1 or np.median([shot[1] for shot in shots[way.name]]) < 3.0:
+                if repeat == 0 or shots[way.name][0][1] < LONG:
                     shots[way.name].append(bench.shoot(way, samples, repeat))
         for way in list(climbing):
             pictures, cpu, wall = zip(*shots[way.name])
             way.ladder.append(Rung(samples, float(np.median(cpu)), float(np.median(wall)), rms(np.stack(pictures), mean, variance)))
             done = bench.engine == CYCLES and way.ladder[-1].error <= wanted and len(way.ladder) > 1
-            if done or way.ladder[-1].cpu > limit:
+            if done or way.ladder[-1].cpu - way.ladder[0].cpu > limit:  # what is fixed has to be paid at any error
                 climbing.remove(way)
         samples *= 4
 
@@ -177,10 +178,10 @@ def row(bench: Bench, way: Way, stock: Way, bias: tuple[float, float, float], wa
 
 def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     plan = bench.plan()
-    rules = list(dict.fromkeys(one.rule for one in plan))
+    rules = list(dict.fromkeys(one.rule.name for one in plan))
     say(f"## {bench.usual.name}, {bench.engine}, Blender {bpy.app.version_string}: {', '.join(rules) or 'nothing to plan'}")
     for one in plan:
-        say(f"   {one.rule}: {one.reason} (bound {one.bound}, gain {one.gain})")
+        say(f"   {one.rule.name}: {one.reason} ({tuned.figures(one, bench.engine)})")
     stock, others = Way("stock", ()), [Way("planned", arguments.only)]
     if arguments.alone:
         others += [Way(rule, (rule,)) for rule in rules]
@@ -244,7 +245,7 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=48, help="width of the pictures in pixels")
     parser.add_argument("--repeats", type=int, default=3, help="pictures of each sample count")
     parser.add_argument("--error", type=float, default=0.03, help="relative RMSE at which the ladders are read if both pass it")
-    parser.add_argument("--limit", type=float, default=20.0, help="processor seconds of one picture after which a ladder ends")
+    parser.add_argument("--limit", type=float, default=20.0, help="processor seconds that samples may add to a picture before a ladder ends")
     parser.add_argument("--truth", type=float, default=120.0, help="processor seconds of a truth")
     parser.add_argument("--alone", action="store_true", help="measure each rule of the plan by itself too")
     parser.add_argument("--only", type=words, help="apply only these rules")

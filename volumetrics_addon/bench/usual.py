@@ -283,9 +283,9 @@ def _club(scene: bpy.types.Scene) -> None:
         _ball("Head", (x, 3.5, 2.65), 0.28, skin)
     _box("Haze", (0.0, 1.0, 4.1), (16.0, 13.0, 8.0), _volume("Haze", _haze(0.06)))
     for x, color in ((-3.5, (1.0, 0.3, 0.25)), (0.0, (0.4, 0.6, 1.0)), (3.5, (0.9, 0.4, 1.0))):
-        _light("SPOT", (0.6 * x, -1.5, 7.6), 1500.0, (x, 3.6, 1.2), color, spot_size=math.radians(22.0), spot_blend=0.2)
+        _light("SPOT", (0.6 * x, -1.5, 7.6), 9000.0, (x, 3.6, 1.2), color, spot_size=math.radians(22.0), spot_blend=0.2)
     for i in range(8):  # bulbs of the dressing rooms, behind the backdrop
-        _light("POINT", (-7.0 + 2.0 * i, 12.0, 2.5), 60.0, color=(1.0, 0.85, 0.6))
+        _light("POINT", (-7.0 + 2.0 * i, 12.0, 2.5), 100.0, color=(1.0, 0.85, 0.6))
     for i in range(5):  # exit signs
         _light("POINT", (-12.0 + 6.0 * i, -16.0, 2.6), 0.2, color=(0.2, 1.0, 0.3))
     for i in range(4):  # the bar
@@ -324,7 +324,7 @@ def _spot_haze(scene: bpy.types.Scene) -> None:
     _cone("Robe", (0.0, 0.0, 1.2), 0.6, 2.0, marble)
     _ball("Head", (0.0, 0.0, 3.2), 0.32, marble)
     _box("Haze", (0.0, 0.0, 10.0), (40.0, 40.0, 20.0), _volume("Haze", _haze(0.04)))
-    _light("SPOT", (2.5, 1.5, 9.0), 3000.0, (0.0, 0.0, 1.5), (1.0, 0.93, 0.8), spot_size=math.radians(28.0))
+    _light("SPOT", (2.5, 1.5, 9.0), 20000.0, (0.0, 0.0, 1.5), (1.0, 0.93, 0.8), spot_size=math.radians(28.0))
     _camera((0.0, -14.0, 3.0), (0.0, 0.0, 3.6), 40.0)
 
 
