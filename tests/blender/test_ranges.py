@@ -65,6 +65,8 @@ CHAINS = {
     "gradient": [COORDINATES, ("ShaderNodeTexGradient", {}, {"Vector": "last"})],
     "height": [COORDINATES, ("ShaderNodeSeparateXYZ", {}, {"Vector": "last"}),
                ("ShaderNodeMapRange", {}, {"Value": "last", "From Min": -1.0, "From Max": 1.0, "To Min": 2.0, "To Max": 0.0})],
+    "square": [COORDINATES, ("ShaderNodeSeparateXYZ", {}, {"Vector": "last"}),
+               ("ShaderNodeMath", {"operation": "ABSOLUTE"}, {0: "last"}), ("ShaderNodeMath", {"operation": "POWER"}, {0: "last", 1: 2.0})],
     "less than": [COORDINATES, NOISE, ("ShaderNodeMath", {"operation": "LESS_THAN"}, {0: "last", 1: 0.5})],
     "absolute": [COORDINATES, NOISE, ("ShaderNodeMath", {"operation": "SUBTRACT"}, {0: "last", 1: 0.5}),
                  ("ShaderNodeMath", {"operation": "ABSOLUTE"}, {0: "last"})],
@@ -104,7 +106,8 @@ def plane(nodes):
 def test_values_and_slopes_are_within_the_bounds(name):
     with build.temporary():
         scene, socket = plane(CHAINS[name])
-        bound = ranges.Reader((SIZE, SIZE, SIZE)).of(socket)
+        half = SIZE / 2.0
+        bound = ranges.Reader((SIZE, SIZE, SIZE), local=Range(-half, half), world=Range(-half, half)).of(socket)
         values = render.render_built(scene, PIXELS, PIXELS)[0].mean(axis=-1) - SHIFT
     assert bound.low - 1e-5 <= values.min() and values.max() <= bound.high + 1e-5
     steepest = max(np.abs(np.diff(values, axis=k)).max() for k in (0, 1)) / (SIZE / PIXELS)
@@ -133,7 +136,13 @@ def test_keyframes_make_a_value_unknown():
         node = socket.links[0].from_node
         node.outputs[0].default_value = 0.25
         assert ranges.Reader().of(socket) == Range(0.25, 0.25)
+        socket.id_data.nodes["Emission"].inputs["Strength"].keyframe_insert("default_value", frame=1)
+        assert ranges.Reader().of(socket) == Range(0.25, 0.25)  # of another node
         node.outputs[0].keyframe_insert("default_value", frame=1)
+        assert ranges.Reader().of(socket) == Range(-math.inf, math.inf)
+        node.outputs[0].keyframe_delete("default_value", frame=1)
+        assert ranges.Reader().of(socket) == Range(0.25, 0.25)
+        node.outputs[0].driver_add("default_value").driver.expression = "frame"
         assert ranges.Reader().of(socket) == Range(-math.inf, math.inf)
 
 

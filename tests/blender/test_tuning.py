@@ -13,6 +13,8 @@ from mathutils import Vector  # noqa: E402
 
 from volumetrics_addon.blender import compat, files, observe, render, settings, tuning  # noqa: E402
 
+from volumetrics_addon.blender import survey as trace  # noqa: E402
+
 BLENDER_5 = bpy.app.version >= (5, 0, 0)
 
 
@@ -212,6 +214,67 @@ def test_a_room_around_the_camera_is_found(scene):
     assert len(observe.scene(scene).room) == 0
 
 
+# --- light paths -----------------------------------------------------------------------------------------------
+
+
+def test_the_survey_of_a_floor_is_its_irradiance(scene, monkeypatch):
+    """One lamp over a floor that fills the picture, and no paths beyond it: E = P cos / (4 pi d^2) at the middle of each pixel."""
+    monkeypatch.setattr(trace, "BOUNCES", 0)
+    monkeypatch.setattr(trace, "PATHS", 3000)
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    body(scene, "floor", (0.0, 0.0, -50.0), 100.0)
+    scene.camera.location, scene.camera.rotation_euler = (0.0, 0.0, 10.0), (0.0, 0.0, 0.0)
+    bpy.data.objects.remove(bpy.data.objects["Light"])
+    for index in range(4):
+        shown = lamp(scene, f"lamp {index}", (2.0 * index, 1.0, 3.0), 100.0)
+        shown.data.shadow_soft_size = 0.0
+    scene.view_layers[0].update()
+    found = observe.scene(scene)
+    total = 0.0
+    for u in np.linspace(0.0, 1.0, 200, endpoint=False) + 0.0025:
+        for v in np.linspace(0.0, 1.0, 200, endpoint=False) + 0.0025:
+            x, y = (10.0 * (low + share * (high - low)) for low, high, share in zip(found.view.low, found.view.high, (u, v)))
+            d2 = (x - 4.0) ** 2 + (y - 1.0) ** 2 + 9.0
+            total += 100.0 / (4.0 * math.pi * d2) * 3.0 / math.sqrt(d2)
+    light, tests, through = found.survey.lamps["lamp 2"]
+    assert light / found.survey.places == pytest.approx(total / 200**2, rel=0.05)
+    assert tests == through == trace.PILOT
+
+
+def test_the_survey_sees_what_is_in_the_way(scene):
+    """A lid over one lamp, a pane of glass over another, nothing over a third, a spot that looks up."""
+    body(scene, "floor", (0.0, 0.0, -51.0), 100.0)
+    bpy.data.objects.remove(bpy.data.objects["Light"])
+    for index, name in enumerate(("lidded", "glazed", "open")):
+        lamp(scene, name, (3.0 * index - 3.0, 0.0, 6.0), 100.0).data.shadow_soft_size = 0.0
+        glass = bpy.data.materials.new("glass")
+        tree = compat.use_nodes(glass)
+        tree.links.new(tree.nodes.new("ShaderNodeBsdfGlass").outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+        if name != "open":
+            around = body(scene, f"around {name}", (3.0 * index - 3.0, 0.0, 6.0), 0.5, glass if name == "glazed" else None)
+            around.visible_camera = True
+    lamp(scene, "up", (0.0, 3.0, 0.0), 100.0, "SPOT").rotation_euler = (math.pi, 0.0, 0.0)
+    scene.view_layers[0].update()
+    lamps = observe.scene(scene).survey.lamps
+    assert lamps["lidded"][0] > 0.0 and lamps["lidded"][1] > 1000 and lamps["lidded"][2] == 0
+    assert lamps["open"][2] >= 0.8 * lamps["open"][1] and lamps["glazed"][2] >= 0.8 * lamps["glazed"][1]
+    assert lamps["up"][0] < 0.2 * lamps["open"][0]
+    assert {change.name for change in rules(scene)["unseen lamps"].changes} == {"lidded", "up"}
+
+
+@pytest.mark.parametrize("change", [
+    lambda scene: bpy.data.objects["a"].keyframe_insert("location", frame=1),
+    lambda scene: scene.camera.keyframe_insert("location", frame=1),
+    lambda scene: bpy.data.objects["Cube"].keyframe_insert("location", frame=1),
+    lambda scene: bpy.data.objects.remove(bpy.data.objects["a"])])
+def test_no_survey_where_it_would_not_hold(scene, change):
+    for name in "abc":
+        lamp(scene, name, (0.0, 0.0, 5.0), 10.0)
+    assert observe.scene(scene).survey is not None and observe.scene(scene, survey=False).survey is None
+    change(scene)
+    assert observe.scene(scene).survey is None
+
+
 # --- apply and restore ------------------------------------------------------------------------------------------
 
 
@@ -309,9 +372,19 @@ REPEATS = 4
 
 def fog_and_far_lamps(scene):
     cube(scene, volume("haze", inputs={"Density": 0.3, "Anisotropy": 0.3}))
-    for index in range(6):
+    for index in range(2):  # too few for light paths to be traced
         lamp(scene, f"far {index}", (300.0 + index, 40.0 * index, 5.0), 5.0)
     return "idle lamps"
+
+
+def lamps_behind_a_wall(scene):
+    cube(scene, volume("haze", inputs={"Density": 0.3}))
+    wall = body(scene, "wall", (0.0, 30.0, 0.0), 30.0)
+    wall.scale = (4.0, 0.1, 4.0)
+    for index in range(5):
+        lamp(scene, f"hidden {index}", (3.0 * index, 40.0, 2.0), 5e4)
+    scene.view_layers[0].update()
+    return "unseen lamps"
 
 
 def leftovers(scene):
@@ -338,7 +411,7 @@ def noisy(scene):
     return "ray marching"
 
 
-@pytest.mark.parametrize("make", [fog_and_far_lamps, leftovers, off_camera, many_bounces,
+@pytest.mark.parametrize("make", [fog_and_far_lamps, lamps_behind_a_wall, leftovers, off_camera, many_bounces,
                                   pytest.param(noisy, marks=pytest.mark.skipif(not BLENDER_5, reason="marches anyway"))])
 def test_the_mean_of_the_picture_stays(scene, make):
     rule = make(scene)
@@ -350,7 +423,7 @@ def test_the_mean_of_the_picture_stays(scene, make):
         return images.mean(axis=(1, 2, 3))
 
     before = means()
-    advice = [found for found in tuning.plan(scene) if found.rule.name == rule]
+    advice = [found for found in tuning.plan(scene, 0.01) if found.rule.name == rule]
     assert advice, f"{rule} does not apply"
     tuning.apply(scene, advice)
     after = means()

@@ -85,3 +85,20 @@ def test_what_is_refused(scene_file, capsys, arguments, code, message):
 def test_a_file_that_is_none(tmp_path, capsys):
     assert main(["plan", str(tmp_path / "none.blend")]) == FAILED
     assert "there is no file" in capsys.readouterr().err
+
+
+def test_the_plan_of_a_preset(capsys):
+    assert main(["plan", "morning-valley"]) == OK
+    text = capsys.readouterr().out
+    assert "Morning valley" in text and "ray marching: steps of" in text and "off with --without 'ray marching'" in text
+    assert main(["plan", "morning-valley", "--without", "ray marching", "--json"]) == OK
+    rules = json.loads(capsys.readouterr().out)["rules"]
+    assert [rule["rule"] for rule in rules] == (["bounces"] if bpy.app.version >= (5, 0, 0) else ["bounces", "ray marching"])
+
+
+@pytest.mark.parametrize("arguments, message", [
+    (["--without", "octaves"], "use --cloud.scattering full"), (["--error", "1%"], "--error is not allowed with a preset"),
+    (["--out", "x.blend"], "--out is not allowed with a preset")])
+def test_what_a_preset_refuses(capsys, arguments, message):
+    assert main(["plan", "morning-valley", *arguments]) == USAGE
+    assert message in capsys.readouterr().err

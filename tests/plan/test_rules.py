@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from volumetrics_addon.parameters.preset import load, names
-from volumetrics_addon.plan.model import Plan
+from volumetrics_addon.plan.catalogue import BY_NAME, PRESET_RULES, RULES
+from volumetrics_addon.plan.model import ENGINES, Plan
 from volumetrics_addon.plan.rules import explain_representation, is_baked, participation, plan, representation_costs
 from volumetrics_addon.scene import assemble
 
@@ -122,3 +123,38 @@ def test_a_long_path_through_more_of_a_cloud_costs_more():
     thick = replace(thin, medium=replace(thin.medium, sigma_s=tuple(4.0 * s for s in thin.medium.sigma_s)))
     for name in ("nodes", "voxels"):
         assert representation_costs(thick, 128)[name].path > representation_costs(thin, 128)[name].path
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_every_decision_is_a_rule_that_is_explained(engine):
+    told = {rule for name in names() for rule in rules(made(name, engine))}
+    assert told <= set(PRESET_RULES)
+    for rule in (*PRESET_RULES.values(), *RULES.values()):
+        assert rule.condition and rule.leaves_out and rule.guarantee
+        assert set(rule.gain) <= set(rule.engines) and bool(rule.gain) == bool(rule.shown_by)
+
+
+@pytest.mark.parametrize("rule, name, engine, check", [
+    ("ray marching", "morning-valley", "cycles", lambda p: p.settings["cycles.volume_biased"] is False
+     and p.volume_settings[0]["volume_step_rate"] == 1.0),
+    ("screen tracing", "theatre-slats", "eevee", lambda p: p.settings["eevee.use_raytracing"]),
+    ("light enclosure", "theatre-spot", "eevee", lambda p: not p.light_enclosure),
+    ("unit of length", "clear-noon", "eevee", lambda p: p.unit == 1.0),
+])
+def test_rules_are_switched_off_by_name(rule, name, engine, check):
+    assert PRESET_RULES[rule].switch == BY_NAME
+    assert rule in rules(made(name, engine)) and not check(made(name, engine))
+    without = made(name, engine, without=(rule,))
+    assert rule not in rules(without) and check(without)
+
+
+def test_without_null_scattering_there_is_nothing_but_marching():
+    made_so = made("morning-valley", "cycles", has_null_scattering=False, without=("ray marching",))
+    assert "ray marching" in rules(made_so) and made_so.volume_settings[0]["volume_step_rate"] < 1.0
+
+
+@pytest.mark.parametrize("name, message", [("speed", "no rule 'speed'"), ("octaves", "use --cloud.scattering full"),
+                                           ("analytic path", "would change nothing")])
+def test_rules_that_no_name_switches_off(name, message):
+    with pytest.raises(ValueError, match=message):
+        made("cumulus", "cycles", without=(name,))

@@ -5,10 +5,13 @@ import math
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
 
 from volumetrics_addon.plan import tuning, visibility
 from volumetrics_addon.plan.catalogue import RULES
-from volumetrics_addon.plan.observed import Lamp, Medium, Observed, Range, Solid, Substance, View
+from volumetrics_addon.plan.observed import Lamp, Medium, Observed, Range, Solids, Substance, Survey, View
 
 HAZE = Substance(Range(0.05, 0.05), 0.8, 0.0, False, False, 0.0)
 CLOUD = Substance(Range(0.0, 2.0), 0.9, 0.5, False, True, 0.5)
@@ -40,11 +43,10 @@ def changes(found):
     return {(change.name, change.path): change.value for change in found.changes}
 
 
-def test_shares_of_the_target_add_up_to_it():
-    """Steps are made longer or marched at all, never both."""
-    shares = {name: rule.share for name, rule in RULES.items()}
-    assert shares["ray marching"] == shares["longer steps"]
-    assert sum(shares.values()) - shares["longer steps"] == pytest.approx(1.0)
+def allowed(rule, error=0.002):
+    """What a rule may spend where none before it has spent anything."""
+    shares = [later.share for later in list(RULES.values())[list(RULES).index(rule):]]
+    return error * shares[0] / sum(shares)
 
 
 @pytest.mark.parametrize("error", [0.0, -0.1, math.inf, math.nan])
@@ -79,8 +81,7 @@ def test_bounces_are_the_fewest_that_the_bound_allows(albedo, sigma, error):
     """A path of n + 2 events has survived n + 1 times; the chance of each is albedo (1 - exp(-sigma times the diagonal))."""
     substance = Substance(Range(sigma, sigma), albedo, 0.0, False, False, 0.0)
     share = albedo * (1.0 - math.exp(-sigma * 2.0 * math.sqrt(3.0)))
-    allowed = RULES["bounces"].share * error
-    expected = next(n for n in range(1000) if share ** (n + 1) <= allowed)
+    expected = next(n for n in range(1000) if share ** (n + 1) <= allowed("bounces", error))
     found = advice(scene(medium(substance=substance), settings={"cycles.volume_bounces": 1000}), "bounces", error)
     assert changes(found) == {("", "cycles.volume_bounces"): expected}
     assert found.bound == pytest.approx(share ** (expected + 1))
@@ -140,10 +141,10 @@ def test_a_medium_off_camera_that_shades_the_picture_stays():
 
 def test_what_mirrors_may_show_a_medium_off_camera():
     aside = medium("aside", center=(300.0, 0.0, 0.0))
-    floor = Solid(box((0.0, 0.0, -2.0)))
-    assert advice(scene(medium("seen"), aside, solids=(floor,)), "unseen media")
-    assert advice(scene(medium("seen"), aside, solids=(replace(floor, reflects=True),)), "unseen media") is None
-    assert advice(scene(medium("seen"), aside, solids=(replace(floor, moves=True),)), "unseen media") is None
+    floor = Solids(box((0.0, 0.0, -2.0)))
+    assert advice(scene(medium("seen"), aside, solids=floor), "unseen media")
+    assert advice(scene(medium("seen"), aside, solids=replace(floor, reflects=True)), "unseen media") is None
+    assert advice(scene(medium("seen"), aside, solids=replace(floor, moves=True)), "unseen media") is None
 
 
 def test_a_wall_that_fills_the_picture_hides_what_is_behind():
@@ -222,7 +223,7 @@ def test_in_eevee_a_lamp_lights_all_media_or_none():
 
 def test_steps_of_marching_follow_feature_and_depth():
     found = advice(scene(medium("cloud", CLOUD)), "ray marching")
-    step = min(0.3 * 0.5, math.sqrt(24.0 * 0.35 * 0.002) / 2.0)
+    step = min(0.3 * 0.5, math.sqrt(24.0 * allowed("ray marching")) / 2.0)
     assert changes(found) == {("", "cycles.volume_biased"): True, ("cloud material", "cycles.volume_step_rate"): pytest.approx(step / 0.2)}
     assert found.bound == pytest.approx((2.0 * step) ** 2 / 24.0)
 
@@ -241,7 +242,7 @@ def test_a_huge_domain_with_fine_features_is_not_marched():
 def test_marched_media_get_longer_steps_and_never_shorter_ones(settings):
     marched = scene(medium("cloud", CLOUD, step_rate=0.05), settings=settings, null_scattering=bool(settings))
     found = advice(marched, "longer steps")
-    step = min(0.3 * 0.5, math.sqrt(24.0 * 0.35 * 0.002) / 2.0)
+    step = min(0.3 * 0.5, math.sqrt(24.0 * allowed("longer steps")) / 2.0)
     assert changes(found) == {("cloud material", "cycles.volume_step_rate"): pytest.approx(step / 0.2)}
     assert advice(replace(marched, media=(medium("cloud", CLOUD, step_rate=1.0),)), "longer steps") is None
 
@@ -249,7 +250,7 @@ def test_marched_media_get_longer_steps_and_never_shorter_ones(settings):
 def test_media_that_share_a_material_get_the_shorter_steps():
     a, b = medium("small", CLOUD), medium("large", CLOUD, half=2.0)
     found = advice(scene(a, replace(b, material=a.material)), "ray marching")
-    step = min(0.3 * 0.5, math.sqrt(24.0 * 0.35 * 0.002 / 2.0) / 2.0)
+    step = min(0.3 * 0.5, math.sqrt(24.0 * allowed("ray marching") / 2.0) / 2.0)
     assert changes(found)[(a.material, "cycles.volume_step_rate")] == pytest.approx(step / 0.4)
 
 
@@ -260,15 +261,9 @@ def test_one_lamp_at_a_point_is_sampled_by_itself():
     once = {"cycles.volume_bounces": 0}
     found = advice(scene(medium(), settings=once), "sampling")
     assert found.changes == (tuning.Change("materials", "haze material", "cycles.volume_sampling", "EQUIANGULAR"),)
-    for other in (scene(medium(), settings=once, environment=1.0), scene(medium()),
+    for other in (scene(medium(), settings=once, environment=1.0), scene(medium()), scene(medium(), settings=once, lamps=[lamp(), lamp("b")]),
                   scene(medium(), settings=once, lamps=[lamp(kind="SUN")]), scene(medium("cloud", CLOUD), settings=once)):
         assert advice(other, "sampling") is None
-
-
-def test_a_world_is_sampled_both_ways():
-    world = Medium("World", "World", HAZE, sampling="EQUIANGULAR")
-    found = advice(scene(world), "sampling")
-    assert found.changes == (tuning.Change("worlds", "World", "cycles.volume_sampling", "MULTIPLE_IMPORTANCE"),)
 
 
 def test_settings_that_bring_nothing_are_switched_off():
@@ -286,3 +281,46 @@ def test_settings_that_bring_nothing_are_switched_off():
 
 def test_a_scene_that_needs_all_it_has_gets_no_advice():
     assert tuning.tune(scene(settings={"cycles.volume_bounces": 0, "cycles.use_light_tree": False})) == []
+
+
+# --- lamps that no light path finds -----------------------------------------------------------------------------
+
+
+def surveyed(counts, **changes):
+    return scene(medium(), lamps=[lamp(name) for name in counts], survey=Survey(counts, 1000), **changes)
+
+
+def test_lamps_that_no_test_finds_are_left_out_as_one_series():
+    """Two lamps with a hundredth of the light each, none of 600 tests for the two together got through: 3 in 600 of 0.02."""
+    found = advice(surveyed({"seen": (0.98, 12, 12), "a": (0.01, 300, 0), "b": (0.01, 300, 0)}), "unseen lamps")
+    assert changes(found) == {("a", "hide_render"): True, ("b", "hide_render"): True}
+    assert found.bound == pytest.approx(3.0 / 600.0 * 0.02 / 0.98)
+
+
+def test_few_tests_are_no_proof():
+    assert advice(surveyed({"seen": (0.9, 12, 12), "a": (0.1, 40, 0)}), "unseen lamps", 0.05) is None
+    assert advice(surveyed({"seen": (0.9, 12, 12), "a": (0.1, 60, 0)}), "unseen lamps") is None
+
+
+def test_lamps_that_some_tests_find_are_counted():
+    """Of 10000 tests 4 got through: at most 4 + 3 + 2 x 2 = 11."""
+    found = advice(surveyed({"seen": (0.9, 12, 12), "a": (0.1, 10000, 4)}), "unseen lamps")
+    assert found.bound == pytest.approx(11.0 / 10000.0 * 0.1 / (0.9 + 4.0 / 10000.0 * 0.1))
+
+
+def test_dim_lamps_are_left_out_by_their_unshaded_light():
+    found = advice(surveyed({"seen": (1.0, 12, 12), "dim": (1e-4, 12, 12), "away": (0.0, 0, 0)}), "unseen lamps")
+    assert changes(found) == {("dim", "hide_render"): True, ("away", "hide_render"): True}
+    assert found.bound == pytest.approx(1e-4 / 1.0001)
+
+
+def test_a_lamp_is_always_left_and_none_where_nothing_is_lit():
+    assert advice(surveyed({"a": (1.0, 12, 12)}), "unseen lamps") is None
+    assert advice(surveyed({"a": (1.0, 6000, 0), "b": (1.0, 6000, 0)}), "unseen lamps") is None
+    assert advice(scene(medium(), survey=Survey({"lamp": (0.0, 0, 0)}, 0)), "unseen lamps") is None
+
+
+@given(st.integers(0, 2000))
+def test_the_bound_of_a_count_is_not_below_the_exact_one(count):
+    """Garwood's upper limit of a Poisson mean: half the 95 % quantile of chi-square with 2 k + 2 degrees of freedom."""
+    assert tuning.at_most(count) >= stats.chi2.ppf(0.95, 2 * count + 2) / 2.0

@@ -34,16 +34,19 @@ def labels():
     context = SimpleNamespace(window_manager=bpy.context.window_manager, scene=bpy.context.scene, preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
                               region=SimpleNamespace(width=400))
     VOLUMETRICS_PT_plan.draw(SimpleNamespace(layout=layout), context)
-    return [call.kwargs["text"] for call in layout.box.return_value.prop.call_args_list]
+    box = layout.box.return_value
+    return ([call.kwargs["text"] for call in box.prop.call_args_list],
+            " ".join(call.kwargs["text"] for call in box.column.return_value.label.call_args_list))
 
 
 def test_finding_changes_nothing_and_lists_the_rules(state):
     scene = bpy.context.scene
-    assert labels() == []
+    assert labels() == ([], "")
     assert bpy.ops.volumetrics.plan() == {"FINISHED"}
     assert [entry.name for entry in state.advice] == ["bounces", "light tree", "persistent data"]
-    assert labels()[1:] == ["Light tree: same picture", "Persistent data: same picture"]
-    assert labels()[0].startswith("Bounces: changes 0.0")
+    names, words = labels()
+    assert names == ["Bounces", "Light tree", "Persistent data"]
+    assert "changes 0.0" in words and "same picture" in words and "instead of 100: of the light" in words
     assert scene.cycles.volume_bounces == 100 and not tuning.is_applied(scene)
 
 

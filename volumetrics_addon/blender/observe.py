@@ -8,12 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import bpy
+import numpy as np
 from mathutils import Matrix, Vector
 
 from ..plan import visibility
 from ..plan.model import CYCLES, EEVEE
-from ..plan.observed import Lamp, Medium, Observed, Range, Solid, Substance, View
+from ..plan.observed import Lamp, Medium, Observed, Range, Solids, Substance, Survey, View
 from . import compat, ranges, settings
+from . import survey as trace
 
 PATHS = ("cycles.volume_bounces", "cycles.volume_biased", "cycles.volume_step_rate", "cycles.volume_max_steps", "cycles.use_light_tree",
          "cycles.use_guiding", "render.use_persistent_data")
@@ -23,6 +25,7 @@ STILL = {"SUBSURF", "BEVEL", "MIRROR", "ARRAY", "SOLIDIFY", "TRIANGULATE", "WEIG
          "WELD", "SKIN", "WIREFRAME", "MULTIRES", "SIMPLE_DEFORM", "DISPLACE", "SMOOTH", "CAST"}
 MOST_FACES = 64  # of a mesh that is looked through for walls
 MIRRORS = 0.3  # roughness below which a surface shows what it mirrors
+FEWEST_LAMPS, MOST_LAMPS, MOST_TRACED = 4, 200, 250  # lamps and objects of a scene whose light paths are traced: a ray asks all objects
 RAYLEIGH_G = 0.15  # of the HG lobe with at least the peak and the contrast of molecules
 
 
@@ -40,8 +43,11 @@ class _Part:
 _UNREAD = _Part(Range(0.0, math.inf, math.inf), 1.0, 0.999, True, True)
 
 
-def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None) -> Observed:
-    """What the planner knows of the scene at its current frame, as one of its view layers renders it."""
+def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None, *, survey: bool = True) -> Observed:
+    """What the planner knows of the scene at its current frame, as one of its view layers renders it.
+
+    With ``survey`` light paths are traced where that is quick, and may find lamps that light nothing in the picture.
+    """
     layer = view_layer or blender_scene.view_layers[0]
     layer.update()
     engine = CYCLES if blender_scene.render.engine == "CYCLES" else EEVEE
@@ -65,9 +71,10 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
     if (world := _world(blender_scene)) is not None:
         media.append(world)
     view = _view(blender_scene, engine)
-    solids, faces, room = _surroundings(rest, media, view, materials) if media else ((), (), ())
+    traced = _survey(blender_scene, layer, view, lamps, media, rest, materials) if survey and not instances else None
+    solids, faces, room = _surroundings(rest, media, view, materials) if media else (None, (), ())
     return Observed(
-        engine, present, view, tuple(media), tuple(lamps), solids, _environment(blender_scene), faces, room,
+        engine, present, view, tuple(media), tuple(lamps), solids, _environment(blender_scene), traced, faces, room,
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
         unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
@@ -332,11 +339,9 @@ def _medium(candidate: bpy.types.Object, material: bpy.types.Material, described
     size = [h - l for l, h in zip(low, high)]
     smoke = any(modifier.type == "FLUID" for modifier in candidate.modifiers)
     grids = candidate.type == "VOLUME" or smoke
-    reader = ranges.Reader(size, tuple(candidate.matrix_world.to_scale()))
+    own = [part for corner in candidate.bound_box for part in corner]
+    reader = ranges.Reader(size, tuple(candidate.matrix_world.to_scale()), Range(min(own), max(own)), Range(min(low), max(high)))
     part = _volume(described[0].inputs["Volume"], reader, grids=grids)
-    if described[1] and ranges.is_animated(material.node_tree):
-        # Values that keyframes move are ANY wherever they count; what else is animated may be anything.
-        part = _Part(replace(part.sigma, low=0.0), part.albedo, part.g, part.emits, part.textured)
     # A modifier may fill the mesh with voxels.
     step = 0.0 if grids or any(modifier.type == "NODES" for modifier in candidate.modifiers) else 0.1 * sum(size) / 3.0
     return Medium(candidate.name, material.name, _substance(part), corners, moves(candidate), described[2], grids,
@@ -430,17 +435,18 @@ def _view(blender_scene: bpy.types.Scene, engine: str) -> View | None:
                 moves(camera) or markers or render.use_motion_blur and moves(camera))
 
 
-def _surroundings(rest: list[bpy.types.Object], media: list[Medium], view: View | None, materials: dict) -> tuple[tuple, tuple, tuple]:
+def _surroundings(rest: list[bpy.types.Object], media: list[Medium], view: View | None, materials: dict) -> tuple[Solids | None, tuple, tuple]:
     """Solids where a medium may be out of the picture, opaque faces that may fill it, and the room around the camera."""
     if view is None:
-        return (), (), ()
+        return None, (), ()
     faces, room = [], ()
-    reach = 0.5 * math.hypot(view.high[0] - view.low[0], view.high[1] - view.low[1])
+    side = min(h - l for l, h in zip(view.low, view.high))  # of the picture, the shorter one
+    reach = 0.5 * side / (1.0 + side)  # of an object's size, to fill the picture: by half, as its origin may be at an end
     for candidate in rest:
         if candidate.type != "MESH" or len(candidate.data.polygons) > MOST_FACES or not candidate.visible_camera:
             continue
         away = math.dist(candidate.matrix_world.translation, view.position)
-        if max(candidate.dimensions) < reach * 0.1 * away:  # cannot fill the picture, nor be around the camera
+        if max(candidate.dimensions) < reach * away:  # cannot fill the picture, nor be around the camera
             continue
         slots = candidate.material_slots
         if not candidate.data.polygons or candidate.modifiers or moves(candidate) or any(
@@ -448,17 +454,53 @@ def _surroundings(rest: list[bpy.types.Object], media: list[Medium], view: View 
             continue
         frame, points = candidate.matrix_world, candidate.data.vertices
         outlines = [tuple(tuple(frame @ points[index].co) for index in polygon.vertices) for polygon in candidate.data.polygons]
-        faces += outlines
+        faces += [face for face in outlines if math.isfinite(visibility.filled_depth(view, face))]
         if not room and _holds(candidate.data, outlines, view.position):
             room = _corners(candidate)
     depth = min((visibility.filled_depth(view, face) for face in faces), default=math.inf)
     out = any(medium.corners and (not visibility.in_frame(view, medium.corners, depth)
-                                  or room and visibility.distance(medium.corners, room) > 0.0) for medium in media)
+                                  or room and visibility.apart(medium.corners, room)) for medium in media)
     if not out:
-        return (), (), ()
-    solids = tuple(Solid(_corners(candidate), moves(candidate), _reflects(candidate, materials)) for candidate in rest)
-    filling = [face for face in faces if math.isfinite(visibility.filled_depth(view, face))]
-    return solids, tuple(filling), room
+        return None, (), ()
+    return _solids(rest, view, depth, room, materials), tuple(faces), room
+
+
+def _solids(rest: list[bpy.types.Object], view: View, depth: float, room: tuple, materials: dict) -> Solids:
+    """What of the objects is in the picture, by the same planes as ``visibility.in_frame``, for all of them at once."""
+    boxes = np.empty((len(bpy.data.objects), 8, 3), np.float32)
+    frames = np.empty((len(bpy.data.objects), 4, 4), np.float32)  # column-major
+    bpy.data.objects.foreach_get("bound_box", boxes.ravel())
+    bpy.data.objects.foreach_get("matrix_world", frames.ravel())
+    places = {candidate.as_pointer(): index for index, candidate in enumerate(bpy.data.objects)}
+    rows = [places[candidate.as_pointer()] for candidate in rest]
+    corners = np.einsum("nck,nkr->ncr", boxes[rows], frames[rows, :3, :3]) + frames[rows, None, 3, :3]
+    x, y, z = ((corners - np.array(view.position)) @ np.array((view.right, view.up, view.back)).T).transpose(2, 0, 1)
+    far = min(depth, view.clip_end)
+    sides = (x + view.high[0] * z, y + view.high[1] * z, -x - view.low[0] * z, -y - view.low[1] * z, z, -z - far)
+    seen = ~np.logical_or.reduce([(side > 0.0).all(axis=1) for side in sides])
+    if room:
+        low, high = visibility.bounds(room)
+        seen &= ((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)
+    if not seen.any():
+        return Solids((), any(map(moves, rest)))
+    shown = corners[seen]
+    return Solids(visibility.corners(tuple(map(float, shown.min(axis=(0, 1)))), tuple(map(float, shown.max(axis=(0, 1))))),
+                  any(map(moves, rest)), any(_reflects(rest[index], materials) for index in np.flatnonzero(seen)))
+
+
+def _survey(blender_scene: bpy.types.Scene, layer: bpy.types.ViewLayer, view: View | None, lamps: list[Lamp], media: list[Medium],
+            rest: list[bpy.types.Object], materials: dict) -> Survey | None:
+    if view is None or view.moves or not FEWEST_LAMPS <= len(lamps) <= MOST_LAMPS or len(rest) > MOST_TRACED:
+        return None
+    if any(lamp.moves or not math.isfinite(lamp.power) for lamp in lamps) or any(map(moves, rest)):
+        return None
+    # A ray meets what the viewport shows; a face counts as opaque where all of its object lets no light through.
+    opaque = {candidate.name for candidate in rest if candidate.visible_shadow and candidate.visible_get(view_layer=layer) and all(
+        slot.material is None or _known(slot.material, materials)[3] for slot in candidate.material_slots)}
+    mirrors = any(_reflects(candidate, materials) for candidate in rest)
+    points = [corner for candidate in rest for corner in _corners(candidate)]
+    points += [corner for medium in media for corner in medium.corners] + [lamp.position for lamp in lamps] + [view.position]
+    return trace.survey(blender_scene, layer, view, lamps, media, opaque, mirrors, 2.0 * visibility.diagonal(points))
 
 
 def _reflects(candidate: bpy.types.Object, materials: dict) -> bool:

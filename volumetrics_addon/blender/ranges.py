@@ -26,10 +26,15 @@ _PLAIN = {"ShaderNodeObjectInfo", "ShaderNodeLightPath", "ShaderNodeBlackbody", 
 
 @dataclass
 class Reader:
-    """Reads the sockets of one material on one object. ``size``: extents of its bounding box in the scene, ``scale``: of its axes."""
+    """Reads the sockets of one material on one object.
+
+    ``size``: extents of its bounding box in the scene; ``scale``: of its axes; ``local`` and ``world``: its coordinates.
+    """
 
     size: Sequence[float] = (1.0, 1.0, 1.0)
     scale: Sequence[float] = (1.0, 1.0, 1.0)
+    local: Range = ANY
+    world: Range = ANY
     looked_at: int = 0
 
     def of(self, socket: bpy.types.NodeSocket, stack: tuple = ()) -> Range:
@@ -87,7 +92,7 @@ def source(socket: bpy.types.NodeSocket, stack: tuple = ()) -> tuple[bpy.types.N
 
 def default(socket: bpy.types.NodeSocket) -> Range:
     value = getattr(socket, "default_value", None)
-    if value is None or isinstance(value, str) or is_animated(socket.id_data):
+    if value is None or isinstance(value, str) or _is_moved(socket):
         return ANY
     if isinstance(value, (int, float)):
         return Range(float(value), float(value))
@@ -99,6 +104,19 @@ def is_animated(block: bpy.types.ID) -> bool:
     """Whether keyframes or drivers may move anything of the datablock."""
     data = block.animation_data
     return data is not None and (data.action is not None or len(data.drivers) > 0 or len(data.nla_tracks) > 0)
+
+
+def _is_moved(socket: bpy.types.NodeSocket) -> bool:
+    """Whether keyframes or drivers may move the value of a socket."""
+    data = socket.id_data.animation_data
+    if data is None or not is_animated(socket.id_data):
+        return False
+    if data.nla_tracks:
+        return True
+    curves = list(data.drivers)
+    if data.action is not None:
+        curves += [curve for layer in data.action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves]
+    return any(curve.data_path.startswith(socket.path_from_id()) for curve in curves)
 
 
 def _input(node: bpy.types.Node, key: str | int) -> bpy.types.NodeSocket:
@@ -169,11 +187,13 @@ def _jumping(a: Range, low: float, high: float) -> Range:
 
 
 def _power(a: Range, b: Range) -> Range:
-    if a.low < 0.0 or not b.is_constant or not math.isfinite(a.high) or (b.low < 1.0 and a.low == 0.0 and a.rate):
+    if a.low < 0.0 or not b.is_constant or not math.isfinite(a.high):
         return replace(ANY, rate=math.inf if a.rate or b.rate else 0.0)
     try:
         low, high = sorted((a.low**b.low, a.high**b.low))
-        slope = abs(b.low) * max(x ** (b.low - 1.0) for x in (a.low, a.high)) if a.rate else 0.0
+        # A root is steep at 0, for a moment: it goes from end to end in the same distance as its argument.
+        slope = high / a.high if 0.0 <= b.low < 1.0 and a.high > 0.0 else abs(b.low) * max(x ** (b.low - 1.0) for x in (a.low, a.high)) \
+            if a.rate else 0.0
     except (OverflowError, ZeroDivisionError):
         return replace(ANY, rate=math.inf if a.rate else 0.0)
     return Range(low, high, _times(slope, a.rate))
@@ -289,11 +309,11 @@ def _coordinates(node: bpy.types.Node, output: bpy.types.NodeSocket, read: Calla
     lengths = {"Generated": reader.size, "Object": reader.scale}.get(output.name)
     if lengths is None or (output.name == "Object" and node.object is not None) or min(map(abs, lengths)) == 0.0:
         return None
-    return replace(ANY if output.name == "Object" else UNIT, rate=1.0 / min(map(abs, lengths)))
+    return replace(reader.local if output.name == "Object" else UNIT, rate=1.0 / min(map(abs, lengths)))
 
 
 def _geometry(node: bpy.types.Node, output: bpy.types.NodeSocket, read: Callable, reader: Reader) -> Range | None:
-    return replace(ANY, rate=1.0) if output.name == "Position" else None
+    return replace(reader.world, rate=1.0) if output.name == "Position" else None
 
 
 def _mapping(node: bpy.types.Node, output: bpy.types.NodeSocket, read: Callable, reader: Reader) -> Range:

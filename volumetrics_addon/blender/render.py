@@ -9,7 +9,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -160,10 +160,25 @@ def render(preset: Preset, scene: Scene, engine: str, width: int, height: int, s
     """
     rendered = render_scene(scene, bodies(preset.family, preset.parameters, scene.volumes), preset.label, engine, width, height,
                             samples, seed=seed, repeats=repeats, quiet=quiet, progress=progress)
+    _explain_representation(preset, engine, width * height * samples * repeats, rendered.plan)
+    return rendered
+
+
+def plan_of(preset: Preset, scene: Scene, engine: str, width: int, height: int, samples: int, without: Collection[str] = ()) -> Plan:
+    """The plan by which ``render`` would show the preset, with rules switched off by name."""
+    plan = make_plan(scene, bodies(preset.family, preset.parameters, scene.volumes), engine, samples,
+                     has_null_scattering=compat.current().volume_biased, without=without)
+    _explain_representation(preset, engine, width * height * samples, plan)
+    for volume in scene.volumes:
+        if engine != CYCLES and not plan.compositor_fog and (reason := bakes_light(scene, volume, preset.parameters)):
+            plan.decide("baked light", f"{light_resolution(volume, preset.parameters)} voxels along the longest side", reason)
+    return plan
+
+
+def _explain_representation(preset: Preset, engine: str, paths: int, plan: Plan) -> None:
     if engine == CYCLES and preset.parameters.get("representation") == "automatic":
         shaped = assemble.scene(preset.family, preset.parameters, preset.stage, preset.props)
-        explain_representation(shaped.volumes, preset.parameters, width * height * samples * repeats, rendered.plan)
-    return rendered
+        explain_representation(shaped.volumes, preset.parameters, paths, plan)
 
 
 def _baked_light(scene: Scene, bodies: Sequence[Body], plan: Plan, seed: int) -> dict[int, LightGrid]:

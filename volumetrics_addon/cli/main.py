@@ -139,9 +139,9 @@ def parser(program: str) -> argparse.ArgumentParser:
 
     plan = commands.add_parser("plan", parents=[common],
                                help="what a scene does not need: each rule with its reason, its bound and its gain")
-    plan.add_argument("file", type=Path, help="a .blend file")
+    plan.add_argument("file", help="a .blend file, or a preset")
     plan.add_argument("--scene", metavar="NAME", help="of the scenes in the file (the one that is shown)")
-    plan.add_argument("--engine", choices=ENGINES, help="plan for this engine (the scene's own)")
+    plan.add_argument("--engine", choices=ENGINES, help="plan for this engine (the scene's own, for a preset Cycles)")
     plan.add_argument("--error", type=_tolerance, help="what all rules together may change, such as 0.2%% (0.2%%)")
     plan.add_argument("--without", action="append", default=[], metavar="RULE", help="switch a rule off; may be repeated")
     plan.add_argument("--out", type=Path, metavar="FILE.blend", help="apply the plan and save the file under this name")
@@ -414,7 +414,40 @@ def _tour(arguments: argparse.Namespace, progress: Progress) -> int:
     return OK
 
 
+def _plan_of_preset(arguments: argparse.Namespace) -> int:
+    from ..plan.catalogue import PRESET_RULES
+    from ..plan.rules import check_names
+
+    for option in ("scene", "error", "out"):
+        if getattr(arguments, option) is not None:
+            raise ParameterError(f"--{option} is not allowed with a preset, whose plan follows from its parameters; give a .blend file")
+    preset, engine = load(arguments.file), arguments.engine or CYCLES
+    check_names(arguments.without)
+    from .. import verify
+    from ..blender import render
+
+    width, height = verify.image_size(preset, 512)
+    samples = SAMPLES[engine]
+    plan = render.plan_of(preset, verify.scene_of(preset, engine, width * height * samples), engine, width, height, samples,
+                          arguments.without)
+    rules = [(decision, PRESET_RULES[decision.rule]) for decision in plan.decisions]
+    if arguments.json:
+        print(json.dumps({"preset": preset.name, "engine": engine, "rules": [
+            {**vars(decision), "guarantee": rule.guarantee, "gain": rule.gain.get(engine), "shown_by": rule.shown_by or None,
+             "switch": rule.switch or None} for decision, rule in rules]}, indent=2))
+        return OK
+    _say(arguments, f"{preset.label} in {engine}, {width} x {height}, {samples} samples")
+    for decision, rule in rules:
+        gain = f", {rule.gain[engine]:g} x as fast on {rule.shown_by}" if engine in rule.gain else ""
+        off = {"": "", "--without": f"; off with --without '{rule.name}'"}.get(rule.switch, f"; off with {rule.switch}")
+        _say(arguments, f"\n  {decision.rule}: {decision.effect}{gain}\n    {decision.reason}\n    leaves out {rule.leaves_out}; "
+                        f"{rule.guarantee}{off}")
+    return OK
+
+
 def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
+    if not arguments.file.endswith(".blend"):
+        return _plan_of_preset(arguments)
     from ..plan import tuning
     from ..plan.catalogue import RULES
 
@@ -423,7 +456,7 @@ def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
     from ..blender import files
     from ..blender import tuning as of_scene
 
-    scene = files.open_scene(arguments.file, arguments.scene, arguments.engine)
+    scene = files.open_scene(Path(arguments.file), arguments.scene, arguments.engine)
     target = arguments.error or tuning.TARGET
     advice = of_scene.plan(scene, target, arguments.without)
     if arguments.out is not None:

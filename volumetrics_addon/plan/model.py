@@ -24,7 +24,7 @@ class Plan:
     """Settings by path below the Blender scene, settings of each body's material, and the decisions behind them.
 
     ``unit``: metres in one unit of the Blender scene. ``channels_apart``: red, green and blue are three renders in grey.
-    ``compositor_fog``: the media are no volumes but a pass of the compositor.
+    ``compositor_fog``: the media are no volumes but a pass of the compositor. ``without``: rules that are switched off.
     """
 
     engine: str
@@ -36,6 +36,11 @@ class Plan:
     unit: float = 1.0
     channels_apart: bool = False
     compositor_fog: bool = False
+    without: frozenset[str] = frozenset()
+
+    def may(self, rule: str) -> bool:
+        """Whether the rule is switched on."""
+        return rule not in self.without
 
     def decide(self, rule: str, effect: str, reason: str) -> None:
         self.decisions.append(Decision(rule, effect, reason))

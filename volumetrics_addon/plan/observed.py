@@ -105,19 +105,29 @@ class View:
 
 
 @dataclass(frozen=True)
-class Solid:
-    """Anything else that is rendered: the corners of its bounding box, and whether it mirrors or refracts what is around it."""
+class Solids:
+    """Everything else that is rendered: the corners of a box around what of it is in the picture (none where nothing is), whether
+    any of it may move, and whether any in the picture mirrors or refracts what is around it."""
 
-    corners: tuple[Vector, ...]
+    corners: tuple[Vector, ...] = ()
     moves: bool = False
     reflects: bool = False
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Of each lamp, over places in the picture and on light paths to it: its unshaded light there, the tests whether something is
+    in the way that were drawn in proportion to it, and how many got through."""
+
+    lamps: Mapping[str, tuple[float, int, int]]
+    places: int
 
 
 @dataclass(frozen=True)
 class Observed:
     """The scene: settings by path are read as they are asked for in ``settings``.
 
-    ``faces`` are flat, convex and opaque; ``room`` holds the corners of the bounding box of a closed, convex and opaque mesh around
+    ``solids`` is None where all media are in the picture, and nobody needs to know. ``faces`` are flat, convex and opaque; ``room`` holds the corners of the bounding box of a closed, convex and opaque mesh around
     the camera.
     """
 
@@ -126,8 +136,9 @@ class Observed:
     view: View | None = None
     media: tuple[Medium, ...] = ()
     lamps: tuple[Lamp, ...] = ()
-    solids: tuple[Solid, ...] = ()
+    solids: Solids | None = None
     environment: float = 0.0  # radiance of the world, its strongest channel; infinite where it is a picture
+    survey: Survey | None = None
     faces: tuple[tuple[Vector, ...], ...] = ()
     room: tuple[Vector, ...] = ()
     frames: int = 1

@@ -8,7 +8,7 @@ ray marching (Blender 5 and later).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -19,6 +19,7 @@ from ..scene.model import (
     Box, Cone, Dust, Ellipsoid, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, Light, NoiseShape, Projector,
     Scene, Shape, Sun, Vector, Volume,
 )
+from .catalogue import BY_NAME, PRESET_RULES
 from .model import CYCLES, EEVEE, Plan
 
 # Ray marching steps by this share of the medium's smallest feature; 0 leaves the engine its
@@ -153,12 +154,14 @@ def light_threshold(scene: Scene) -> float:
 
 
 def plan(scene: Scene, bodies: Sequence[Body], engine: str, samples: int, *, has_null_scattering: bool = True,
-         seed: int = 0) -> Plan:
+         seed: int = 0, without: Collection[str] = ()) -> Plan:
     """Everything that has to be set for the engine to render the Scene's light transport, and nothing else.
 
-    ``bodies`` holds the scene's volumes as the objects that the engine shows.
+    ``bodies`` holds the scene's volumes as the objects that the engine shows; ``without`` names rules that are switched off.
+    Raises ValueError for a name of no rule, and for one that is switched by a parameter instead.
     """
-    result = Plan(engine, samples)
+    check_names(without)
+    result = Plan(engine, samples, without=frozenset(without))
     if scene.depth_fog is not None:
         result.compositor_fog = True
         result.decide("compositor fog", "the fog is a pass of the compositor, and no volume is rendered",
@@ -170,11 +173,23 @@ def plan(scene: Scene, bodies: Sequence[Body], engine: str, samples: int, *, has
         result.settings |= {"render.use_compositing": True, "render.compositor_device": "CPU", "render.compositor_precision": "FULL"}
         if engine == CYCLES:  # the depth is that of the first sample, at the centre of the pixel
             result.settings |= {"cycles.use_sample_subset": False, "cycles.samples": samples}
-    result.channels_apart = any(mixes(a.medium, b.medium) for body in bodies for a, b in combinations(body.volumes, 2))
+    result.channels_apart = result.may("channels apart") and any(
+        mixes(a.medium, b.medium) for body in bodies for a, b in combinations(body.volumes, 2))
     if result.channels_apart:
         result.decide("channels apart", "one render in grey for each channel",
                       "where lobes of different colours mix, the engines give all channels the mixture of their mean")
     return result
+
+
+def check_names(without: Collection[str]) -> None:
+    """Raises ValueError where a name is not that of a rule of presets that is switched off by name."""
+    for name in without:
+        rule = PRESET_RULES.get(name)
+        if rule is None:
+            raise ValueError(f"there is no rule {name!r}; the rules of presets are {', '.join(PRESET_RULES)}")
+        if rule.switch != BY_NAME:
+            raise ValueError(f"the rule {name!r} is not switched off by name; " +
+                             (f"use {rule.switch}" if rule.switch else "it leaves out what would change nothing"))
 
 
 def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scattering: bool, seed: int) -> None:
@@ -225,7 +240,8 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
         "cycles.volume_max_steps": 65536,
         "cycles.volume_step_rate": 1.0,
     })
-    steps = [min(map(_step, body.volumes)) for body in bodies]
+    unbiased = has_null_scattering and not result.may("ray marching")
+    steps = [0.0 if unbiased else min(map(_step, body.volumes)) for body in bodies]
     marched = any(steps)
     if has_null_scattering:
         result.settings["cycles.volume_biased"] = marched
@@ -310,22 +326,22 @@ def _eevee(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatteri
         "eevee.shadow_ray_count": 1,
         "eevee.shadow_step_count": 6,
         "eevee.shadow_resolution_scale": 1.0,
-        "eevee.use_raytracing": scene.is_dielectric,
+        "eevee.use_raytracing": scene.is_dielectric or not result.may("screen tracing"),
         "eevee.use_fast_gi": False,
         "render.filter_size": 1.0,
     })
-    if scene.is_dielectric:
+    if result.settings["eevee.use_raytracing"]:
         result.settings["eevee.ray_tracing_options.resolution_scale"] = "1"
         result.settings["eevee.ray_tracing_options.use_denoise"] = False
         result.settings["eevee.ray_tracing_options.screen_trace_quality"] = 1.0
     else:
         result.decide("screen tracing", "off", "nothing refracts")
     scattering = any(volume.medium.scatters for volume in scene.volumes)
-    result.light_enclosure = scattering and any(not isinstance(light, Sun) for light in scene.lights)
+    result.light_enclosure = scattering and result.may("light enclosure") and any(not isinstance(light, Sun) for light in scene.lights)
     if result.light_enclosure:
         result.decide("light enclosure", "an empty volume box around lights and media",
                       "EEVEE shadows the medium only inside the bounds of its volumes")
-    result.unit = eevee_unit(scene)
+    result.unit = eevee_unit(scene) if result.may("unit of length") else 1.0
     if result.unit != 1.0:
         result.decide("unit of length", f"{result.unit:g} m", "EEVEE stores the media in 11-bit floats, which lose coefficients "
                       "below 1e-5 per unit")

@@ -22,6 +22,7 @@ from .observed import Lamp, Medium, Observed
 MARCHED_BIAS, VOXEL_BIAS = 1.0 / 24.0, 0.017
 FEATURE_STEP = 0.3  # of a feature, at most
 MOST_STEPS = 1024  # of a ray: what the engine follows by default; a medium that needs more stays as it is
+SERIES = 50  # tests of a lamp, below which they do not count with those of others
 THINNEST = 1e-4  # optical depth
 
 
@@ -66,10 +67,11 @@ def tune(scene: Observed, error: float = TARGET, without: Collection[str] = ()) 
         if name not in RULES:
             raise ValueError(f"there is no rule {name!r}; the rules are {', '.join(RULES)}")
     found: list[Advice] = []
-    for name, rule in RULES.items():
-        if name in without or scene.engine not in rule.engines or (name not in without and not rule.by_default):
-            continue
-        changes = _FINDERS[name](scene, rule.share * error)
+    rules = [rule for name, rule in RULES.items() if name not in without and scene.engine in rule.engines]
+    for index, rule in enumerate(rules):
+        left = error - sum(entry.bound for entry in found)
+        shares = sum(later.share for later in rules[index:])
+        changes = _FINDERS[rule.name](scene, left * rule.share / shares if rule.share else 0.0)
         if changes is not None:
             found.append(Advice(rule, *changes))
             scene = _after(scene, found[-1])
@@ -87,11 +89,12 @@ def figures(advice: Advice, engine: str) -> str:
 
 
 def _after(scene: Observed, advice: Advice) -> Observed:
-    """The scene without the media that are left out: they no longer count for the rules that follow."""
+    """The scene without what is left out: it no longer counts for the rules that follow."""
     gone = {change.name for change in advice.changes if change.path == "hide_render"}
     if not gone:
         return scene
-    return replace(scene, media=tuple(medium for medium in scene.media if medium.name not in gone))
+    return replace(scene, media=tuple(medium for medium in scene.media if medium.name not in gone),
+                   lamps=tuple(lamp for lamp in scene.lamps if lamp.name not in gone))
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -156,7 +159,7 @@ def _unseen(scene: Observed, allowed: float) -> Found:
             continue
         if seen is None:  # what is in the picture, as few hulls: found once, and only when a medium is not
             seen = _seen(scene, depth)
-        if seen is None or any(solid.moves for solid in scene.solids):
+        if seen is None:
             return None
         bound = 0.0
         for hulls in seen:
@@ -174,18 +177,18 @@ def _unseen(scene: Observed, allowed: float) -> Found:
 
 
 def _in_picture(scene: Observed, corners: Sequence, depth: float) -> bool:
-    outside = bool(scene.room) and visibility.distance(corners, scene.room) > 0.0
+    outside = bool(scene.room) and visibility.apart(corners, scene.room)
     return not outside and visibility.in_frame(scene.view, corners, depth)
 
 
 def _seen(scene: Observed, depth: float) -> list[tuple] | None:
     """Hulls that hold what is in the picture: of all solids together, and of each medium. None where something mirrors the rest."""
     view, result = scene.view, []
-    solids = [solid for solid in scene.solids if _in_picture(scene, solid.corners, depth)]
-    if any(solid.reflects for solid in solids):
-        return None
-    if solids:
-        result.append(visibility.cut(view, [corner for solid in solids for corner in solid.corners], depth))
+    if scene.solids is not None:
+        if scene.solids.moves or scene.solids.reflects:
+            return None
+        if scene.solids.corners:
+            result.append(visibility.cut(view, scene.solids.corners, depth))
     for medium in scene.media:
         if not medium.corners:  # a world's is wherever the camera looks
             result.append((visibility.pyramid(view, 0.0, min(depth, view.clip_end)),))
@@ -208,9 +211,9 @@ def _may_shade(lamp: Lamp, medium: Medium, hull: Sequence, scene: Observed) -> b
                       for point in source for signs in visibility.corners((-1.0,) * 3, (1.0,) * 3)]
     else:
         source = visibility.corners(*(tuple(p + sign * lamp.radius for p in lamp.position) for sign in (-1.0, 1.0)))
-        if scene.room and visibility.distance(source, scene.room) > 0.0:
+        if scene.room and visibility.apart(source, scene.room):
             return False  # its light stays outside
-    return visibility.distance(medium.corners, [*hull, *source]) == 0.0
+    return not visibility.apart(medium.corners, [*hull, *source])
 
 
 def _bounces(scene: Observed, allowed: float) -> Found:
@@ -229,25 +232,14 @@ def _bounces(scene: Observed, allowed: float) -> Found:
 
 
 def _sampling(scene: Observed, allowed: float) -> Found:
-    if not scene.lamps or scene.has_instances:
-        return None
+    """For one lamp at a point and single scattering; with several lamps it gains little, and a world has it already."""
     local = all(lamp.kind != "SUN" for lamp in scene.lamps) and scene.environment == 0.0
-    single = scene.settings.get("cycles.volume_bounces", 0) == 0
-    best = "EQUIANGULAR" if local and single and len(scene.lamps) == 1 else "MULTIPLE_IMPORTANCE"
-    changes = []
-    for medium in scene.media:
-        textured = medium.substance.textured
-        wanted = best if medium.corners and not textured else "MULTIPLE_IMPORTANCE"
-        if medium.sampling != wanted and medium.editable and medium.material:
-            owner = "materials" if medium.corners else "worlds"
-            changes.append(Change(owner, medium.material, "cycles.volume_sampling", wanted))
-    if not changes:
+    if not local or len(scene.lamps) != 1 or scene.settings.get("cycles.volume_bounces", 0) > 0 or scene.has_instances:
         return None
-    kinds = {change.value for change in changes}
-    return (tuple(dict.fromkeys(changes)),
-            "; ".join({"EQUIANGULAR": "one lamp at a point, scattering once: samples where it is near",
-                       "MULTIPLE_IMPORTANCE": "by lamps and by distance together: neither alone serves all of the view"}[kind]
-                      for kind in sorted(kinds)), 0.0)
+    changes = tuple(dict.fromkeys(
+        Change("materials", medium.material, "cycles.volume_sampling", "EQUIANGULAR") for medium in scene.media
+        if medium.corners and medium.editable and not medium.substance.textured and medium.sampling != "EQUIANGULAR"))
+    return (changes, "one lamp at a point, scattering once: samples where it is near", 0.0) if changes else None
 
 
 def _step(medium: Medium, allowed: float) -> float:
@@ -345,6 +337,45 @@ def _meets_cone(lamp: Lamp, medium: Medium) -> bool:
     return angle - math.asin(radius / away) <= 0.5 * lamp.cone
 
 
+def at_most(count: int) -> float:
+    """Upper bound, with 95 % confidence and more, on the mean of a Poisson count: 3 where nothing was counted."""
+    return count + 3.0 + 2.0 * math.sqrt(count)
+
+
+def _unseen_lamps(scene: Observed, allowed: float) -> Found:
+    """First the dimmest, by their unshaded light and a third of the target at most, then those that few tests or none have found.
+
+    Tests of several lamps, drawn in proportion to their light, count as one series: with k of M that get through, all of these lamps
+    give at most ``at_most(k)`` / M of their light.
+    """
+    survey = scene.survey
+    if survey is None or not survey.places:
+        return None
+    free = {lamp.name for lamp in scene.lamps if lamp.editable and not lamp.moves}
+    total = sum(light * through / tests for light, tests, through in survey.lamps.values() if tests)
+    if total <= 0.0:
+        return None
+    chosen: list[str] = []
+    bound = 0.0
+    for light, name in sorted((survey.lamps[name][0], name) for name in free):
+        if bound + light / total > allowed / 3.0:
+            break
+        bound += light / total  # unshaded light bounds what a lamp gives
+        chosen.append(name)
+    heaviest, counted, dim = 0.0, 0, bound  # light for which a test stands, and tests that got through
+    for name in sorted(free - set(chosen), key=lambda name: (survey.lamps[name][2], survey.lamps[name][0])):
+        light, tests, through = survey.lamps[name]
+        if tests < SERIES:
+            continue
+        together = dim + max(heaviest, light / tests) * at_most(counted + through) / total
+        if together <= allowed:
+            chosen.append(name)
+            heaviest, counted, bound = max(heaviest, light / tests), counted + through, together
+    if not chosen or len(chosen) == len(scene.lamps):
+        return None
+    return _hidden(chosen), f"{len(chosen)} of {len(scene.lamps)} lamps light nothing in the picture: {_listed(chosen)}", bound
+
+
 def _idle(scene: Observed, allowed: float) -> Found:
     if scene.has_instances or len(scene.lamps) < 2:
         return None
@@ -398,7 +429,7 @@ def _passes(scene: Observed, allowed: float) -> Found:
     if not scene.unused_passes:
         return None
     changes = tuple(Change("view_layers", layer, path, False) for layer, path in scene.unused_passes)
-    return changes, f"{len(changes)} passes that nothing reads", 0.0
+    return changes, f"{len(changes)} pass{'' if len(changes) == 1 else 'es'} that nothing reads", 0.0
 
 
 def _persistent(scene: Observed, allowed: float) -> Found:
@@ -409,6 +440,6 @@ def _persistent(scene: Observed, allowed: float) -> Found:
 
 _FINDERS: dict[str, Callable[[Observed, float], Found]] = {
     "bounces": _bounces, "sampling": _sampling, "ray marching": _marching, "longer steps": _longer, "unseen media": _unseen,
-    "thin media": _thin, "idle lamps": _idle, "light tree": _light_tree, "guiding": _guiding, "passes": _passes,
+    "thin media": _thin, "unseen lamps": _unseen_lamps, "idle lamps": _idle, "light tree": _light_tree, "guiding": _guiding, "passes": _passes,
     "persistent data": _persistent,
 }

@@ -36,8 +36,8 @@ def diagonal(points: Sequence[Vector]) -> float:
     return math.dist(*bounds(points))
 
 
-def distance(a: Sequence[Vector], b: Sequence[Vector]) -> float:
-    """A lower bound of the distance between two hulls; 0 where they may touch.
+def distance(a: Sequence[Vector], b: Sequence[Vector], enough: float = math.inf) -> float:
+    """A lower bound of the distance between two hulls, as soon as it is above ``enough``; 0 where they may touch.
 
     At least that of their bounding boxes; and the search for the vector of least length of their difference (Frank and Wolfe 1956;
     Gilbert 1966): where every difference of points has a part along v of at least h > 0, a slab of that thickness lies between them.
@@ -47,9 +47,10 @@ def distance(a: Sequence[Vector], b: Sequence[Vector]) -> float:
     v = subtract(a[0], b[0])
     for _ in range(TURNS):
         length = math.hypot(*v)
-        if length == 0.0:
+        if length == 0.0 or largest > enough:
             return largest
-        nearest = subtract(min(a, key=lambda p: dot(p, v)), max(b, key=lambda p: dot(p, v)))
+        x, y, z = v
+        nearest = subtract(min(a, key=lambda p: p[0] * x + p[1] * y + p[2] * z), max(b, key=lambda p: p[0] * x + p[1] * y + p[2] * z))
         height = dot(nearest, v) / length
         largest = max(largest, height)
         if height >= length * (1.0 - 1e-6):
@@ -58,6 +59,11 @@ def distance(a: Sequence[Vector], b: Sequence[Vector]) -> float:
         share = min(1.0, max(0.0, -dot(v, toward) / dot(toward, toward)))
         v = add(v, scaled(toward, share))
     return largest
+
+
+def apart(a: Sequence[Vector], b: Sequence[Vector]) -> bool:
+    """Whether a plane surely lies between two hulls."""
+    return distance(a, b, 0.0) > 0.0
 
 
 def box_distance(a: Sequence[Vector], point: Vector) -> tuple[float, float]:
@@ -90,17 +96,17 @@ def in_frame(view: View, points: Sequence[Vector], far: float = math.inf) -> boo
 
 def filled_depth(view: View, face: Sequence[Vector]) -> float:
     """The largest depth at which a flat convex face fills the picture; infinite where it does not."""
-    rays = [subtract(view.point(x, y, 1.0), view.position) for x in (view.low[0], view.high[0])
-            for y in (view.low[1], view.high[1])]
     normal = max((cross(subtract(face[i], face[0]), subtract(face[i + 1], face[0])) for i in range(1, len(face) - 1)),
                  key=lambda n: dot(n, n))
     result = 0.0
-    for ray in rays:
+    for x, y in product((view.low[0], view.high[0]), (view.low[1], view.high[1])):
+        ray = subtract(view.point(x, y, 1.0), view.position)
         slope = dot(ray, normal)
         depth = dot(subtract(face[0], view.position), normal) / slope if slope else 0.0
+        if depth <= 0.0:
+            return math.inf
         hit = add(view.position, scaled(ray, depth))
-        sides = [dot(cross(subtract(b, a), subtract(hit, a)), normal) for a, b in zip(face, (*face[1:], face[0]))]
-        if depth <= 0.0 or min(sides) < 0.0:
+        if any(dot(cross(subtract(b, a), subtract(hit, a)), normal) < 0.0 for a, b in zip(face, (*face[1:], face[0]))):
             return math.inf
         result = max(result, depth)
     return result

@@ -120,7 +120,8 @@ class VOLUMETRICS_PT_plan(bpy.types.Panel):
             if entry.name not in RULES:
                 continue
             box = layout.box()
-            box.prop(entry, "use", text=f"{entry.name.capitalize()}: {entry.figures}")
+            box.prop(entry, "use", text=entry.name.capitalize())
+            wrapped(box, entry.figures, context)
             wrapped(box, entry.reason, context)
         row = layout.row()
         row.operator("volumetrics.plan_apply", icon="CHECKMARK")
