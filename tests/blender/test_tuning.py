@@ -155,6 +155,15 @@ def test_lamps_and_world(scene):
     assert lamps["spot"].power == pytest.approx(50.0 * 2.0 * 0.8) and lamps["spot"].cone == pytest.approx(0.6)
     assert lamps["spot"].position == pytest.approx((1.0, 2.0, 3.0)) and lamps["sun"].radius == pytest.approx(0.05)
     assert found.environment == pytest.approx(0.8)
+    assert found.sky_rate == 0.0
+    tree = scene.world.node_tree
+    coordinates, ramp = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeValToRGB")
+    apart = tree.nodes.new("ShaderNodeSeparateXYZ")
+    tree.links.new(coordinates.outputs["Generated"], apart.inputs[0])
+    tree.links.new(apart.outputs[2], ramp.inputs[0])
+    tree.links.new(ramp.outputs[0], background.inputs["Color"])  # black to white over one unit of direction, twice as bright
+    found = observe.scene(scene)
+    assert found.environment == pytest.approx(2.0) and found.sky_rate == pytest.approx(2.0)
     spot.hide_render = True
     assert "spot" not in {entry.name for entry in observe.scene(scene).lamps}
 
@@ -300,7 +309,7 @@ def crowded(scene):
     scene.view_layers[0].use_pass_z = True
     scene.cycles.volume_bounces = 100
     scene.frame_end = 24
-    return {"thin media", "idle lamps", "bounces", "light tree", "passes", "persistent data"} | ({"ray marching"} if BLENDER_5 else set())
+    return {"thin media", "idle lamps", "bounces", "passes", "persistent data"} | ({"ray marching"} if BLENDER_5 else set())
 
 
 def test_apply_and_restore_bring_back_every_value(scene):

@@ -257,18 +257,31 @@ def test_media_that_share_a_material_get_the_shorter_steps():
 # --- sampling and the rest --------------------------------------------------------------------------------------
 
 
-def test_one_lamp_at_a_point_is_sampled_by_itself():
+def test_lamps_at_points_are_sampled_by_themselves():
     once = {"cycles.volume_bounces": 0}
-    found = advice(scene(medium(), settings=once), "sampling")
+    found = advice(scene(medium(), settings=once, lamps=[lamp(), lamp("b")]), "sampling")
     assert found.changes == (tuning.Change("materials", "haze material", "cycles.volume_sampling", "EQUIANGULAR"),)
-    for other in (scene(medium(), settings=once, environment=1.0), scene(medium()), scene(medium(), settings=once, lamps=[lamp(), lamp("b")]),
-                  scene(medium(), settings=once, lamps=[lamp(kind="SUN")]), scene(medium("cloud", CLOUD), settings=once)):
+    world = Medium("World", "World", HAZE, sampling="EQUIANGULAR")
+    for other in (scene(medium(), settings=once, environment=1.0), scene(medium()), scene(world, settings=once),
+                  scene(medium(), settings=once, lamps=[lamp(), lamp(kind="SUN")]), scene(medium("cloud", CLOUD), settings=once),
+                  scene(medium(), settings=once, lamps=[lamp(kind="SPOT", cone=1.0)])):
         assert advice(other, "sampling") is None
+
+
+def test_the_map_of_a_sky_is_as_fine_as_it_changes():
+    """Brightness 2 that changes by 0.5 a radian: over a row of pi / n by a tenth of 2 where n = 10 pi 0.5 / 2 = 7.9."""
+    found = advice(scene(environment=2.0, sky_rate=0.5, world="World"), "sky map")
+    assert changes(found) == {("World", "cycles.sampling_method"): "MANUAL", ("World", "cycles.sample_map_resolution"): 64}
+    finer = advice(scene(environment=2.0, sky_rate=5.0, world="World"), "sky map")  # n = 78.5, twice as many across: 157
+    assert changes(finer)[("World", "cycles.sample_map_resolution")] == 256
+    for change in ({"sky_rate": 50.0}, {"sky_rate": math.inf}, {"sky_rate": 0.0}, {"world": ""}, {"environment": math.inf}):
+        assert advice(scene(**{"environment": 2.0, "sky_rate": 5.0, "world": "World"} | change), "sky map") is None
 
 
 def test_settings_that_bring_nothing_are_switched_off():
     assert changes(advice(scene(medium()), "light tree")) == {("", "cycles.use_light_tree"): False}
-    assert advice(scene(medium(), lamps=[lamp(str(i)) for i in range(3)]), "light tree") is None
+    assert advice(scene(medium(), lamps=[lamp("a"), lamp("b")]), "light tree") is None
+    assert advice(scene(medium(), environment=1.0, sky_rate=1.0), "light tree") is None
     assert advice(scene(medium(), has_emitters=True), "light tree") is None
     guided = {"cycles.use_guiding": True, "cycles.volume_bounces": 0}
     assert changes(advice(scene(medium(), settings=guided), "guiding")) == {("", "cycles.use_guiding"): False}

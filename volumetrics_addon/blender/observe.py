@@ -13,7 +13,7 @@ from mathutils import Matrix, Vector
 
 from ..plan import visibility
 from ..plan.model import CYCLES, EEVEE
-from ..plan.observed import Lamp, Medium, Observed, Range, Solids, Substance, Survey, View
+from ..plan.observed import UNKNOWN, Lamp, Medium, Observed, Range, Solids, Substance, Survey, View
 from . import compat, ranges, settings
 from . import survey as trace
 
@@ -68,13 +68,15 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
         if candidate.instance_type != "NONE" or candidate.modifiers or candidate.particle_systems:
             instances = instances or _instances_matter(candidate, materials)
     media = _with_shared(media, found)
-    if (world := _world(blender_scene)) is not None:
-        media.append(world)
+    if (air := _world(blender_scene)) is not None:
+        media.append(air)
     view = _view(blender_scene, engine)
     traced = _survey(blender_scene, layer, view, lamps, media, rest, materials) if survey and not instances else None
     solids, faces, room = _surroundings(rest, media, view, materials) if media else (None, (), ())
+    world, sky = blender_scene.world, _environment(blender_scene)
+    own_map = world is not None and world.library is None and world.cycles.sampling_method == "AUTOMATIC"
     return Observed(
-        engine, present, view, tuple(media), tuple(lamps), solids, _environment(blender_scene), traced, faces, room,
+        engine, present, view, tuple(media), tuple(lamps), solids, sky.high, sky.rate, world.name if own_map else "", traced, faces, room,
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
         unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
@@ -397,22 +399,23 @@ def _world(blender_scene: bpy.types.Scene) -> Medium | None:
                   editable=world.library is None)
 
 
-def _environment(blender_scene: bpy.types.Scene) -> float:
+def _environment(blender_scene: bpy.types.Scene) -> Range:
+    """Bounds of the world's radiance, and of its change over a radian: coordinates of a world are directions."""
     world = blender_scene.world
     if world is None:
-        return 0.0
+        return Range(0.0, 0.0)
     if _tree(world) is None:
-        return max(world.color)
+        return Range(0.0, max(world.color))
     output = _output(world.node_tree, "ShaderNodeOutputWorld")
     if output is None or not output.inputs["Surface"].is_linked:
-        return 0.0
-    reader, brightest = ranges.Reader(), 0.0
+        return Range(0.0, 0.0)
+    reader, result = ranges.Reader(local=Range(-1.0, 1.0), world=Range(-1.0, 1.0)), Range(0.0, 0.0)
     for node in _shaders(output.inputs["Surface"]):
         if node.bl_idname != "ShaderNodeBackground":
-            return math.inf
+            return UNKNOWN
         radiance = ranges.times(reader.of(node.inputs["Strength"]), reader.of(node.inputs["Color"]))
-        brightest += max(radiance.high, 0.0) if radiance.rate == 0.0 else math.inf
-    return brightest
+        result = ranges.plus(result, ranges.most(radiance, Range(0.0, 0.0)))
+    return result
 
 
 def _view(blender_scene: bpy.types.Scene, engine: str) -> View | None:

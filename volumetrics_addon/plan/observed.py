@@ -137,7 +137,9 @@ class Observed:
     media: tuple[Medium, ...] = ()
     lamps: tuple[Lamp, ...] = ()
     solids: Solids | None = None
-    environment: float = 0.0  # radiance of the world, its strongest channel; infinite where it is a picture
+    environment: float = 0.0  # bound of the world's radiance, its strongest channel; infinite where it is a picture
+    sky_rate: float = 0.0  # bound of its change over a radian; 0 for one colour, infinite where nothing is known
+    world: str = ""  # name of the world where it may be changed
     survey: Survey | None = None
     faces: tuple[tuple[Vector, ...], ...] = ()
     room: tuple[Vector, ...] = ()

@@ -22,6 +22,7 @@ from .observed import Lamp, Medium, Observed
 MARCHED_BIAS, VOXEL_BIAS = 1.0 / 24.0, 0.017
 FEATURE_STEP = 0.3  # of a feature, at most
 MOST_STEPS = 1024  # of a ray: what the engine follows by default; a medium that needs more stays as it is
+FEWEST_TEXELS, MOST_TEXELS = 64, 256  # of the map of a sky, across; the engine's own choice has 1024 or more
 SERIES = 50  # tests of a lamp, below which they do not count with those of others
 THINNEST = 1e-4  # optical depth
 
@@ -232,14 +233,14 @@ def _bounces(scene: Observed, allowed: float) -> Found:
 
 
 def _sampling(scene: Observed, allowed: float) -> Found:
-    """For one lamp at a point and single scattering; with several lamps it gains little, and a world has it already."""
-    local = all(lamp.kind != "SUN" for lamp in scene.lamps) and scene.environment == 0.0
-    if not local or len(scene.lamps) != 1 or scene.settings.get("cycles.volume_bounces", 0) > 0 or scene.has_instances:
+    """Spots and suns gain nothing by it; a world has it already."""
+    points = bool(scene.lamps) and all(lamp.kind == "POINT" for lamp in scene.lamps) and scene.environment == 0.0
+    if not points or scene.settings.get("cycles.volume_bounces", 0) > 0 or scene.has_instances:
         return None
     changes = tuple(dict.fromkeys(
         Change("materials", medium.material, "cycles.volume_sampling", "EQUIANGULAR") for medium in scene.media
         if medium.corners and medium.editable and not medium.substance.textured and medium.sampling != "EQUIANGULAR"))
-    return (changes, "one lamp at a point, scattering once: samples where it is near", 0.0) if changes else None
+    return (changes, "lamps at points, scattering once: samples where they are near", 0.0) if changes else None
 
 
 def _step(medium: Medium, allowed: float) -> float:
@@ -413,10 +414,22 @@ def _idle(scene: Observed, allowed: float) -> Found:
 
 
 def _light_tree(scene: Observed, allowed: float) -> Found:
-    lamps = len(scene.lamps) + (scene.environment > 0.0)
-    if lamps > 2 or scene.has_instances or not scene.settings.get("cycles.use_light_tree") or scene.has_emitters:
+    several = len(scene.lamps) > 1 or scene.sky_rate > 0.0 or scene.has_emitters or scene.has_instances
+    if several or not scene.settings.get("cycles.use_light_tree"):
         return None
-    return (Change("scenes", "", "cycles.use_light_tree", False),), f"{lamps} source(s) of light", 0.0
+    return (Change("scenes", "", "cycles.use_light_tree", False),), f"{len(scene.lamps)} lamp(s), and a world of one colour", 0.0
+
+
+def _sky_map(scene: Observed, allowed: float) -> Found:
+    """A map of n rows has steps of pi / n: a tenth of the brightest is the most that may change over one."""
+    if not 0.0 < scene.sky_rate < math.inf or not math.isfinite(scene.environment) or not scene.world:
+        return None
+    rows = 10.0 * math.pi * scene.sky_rate / scene.environment
+    size = max(FEWEST_TEXELS, 2 ** math.ceil(math.log2(2.0 * rows)))
+    if size > MOST_TEXELS:
+        return None
+    return ((Change("worlds", scene.world, "cycles.sampling_method", "MANUAL"),
+             Change("worlds", scene.world, "cycles.sample_map_resolution", size)), f"{size} texels around the horizon are enough", 0.0)
 
 
 def _guiding(scene: Observed, allowed: float) -> Found:
@@ -440,6 +453,6 @@ def _persistent(scene: Observed, allowed: float) -> Found:
 
 _FINDERS: dict[str, Callable[[Observed, float], Found]] = {
     "bounces": _bounces, "sampling": _sampling, "ray marching": _marching, "longer steps": _longer, "unseen media": _unseen,
-    "thin media": _thin, "unseen lamps": _unseen_lamps, "idle lamps": _idle, "light tree": _light_tree, "guiding": _guiding, "passes": _passes,
+    "thin media": _thin, "unseen lamps": _unseen_lamps, "idle lamps": _idle, "light tree": _light_tree, "sky map": _sky_map, "guiding": _guiding, "passes": _passes,
     "persistent data": _persistent,
 }
