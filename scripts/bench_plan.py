@@ -2,7 +2,7 @@
 """Stock settings against planned ones: seconds at equal error for scenes the way users make them, side by side in one run.
 
     python scripts/bench_plan.py [SCENE ...] [--engine cycles|eevee] [--size 48] [--repeats 3] [--error 0.03] [--limit 20]
-        [--truth 120] [--alone] [--only RULES] [--without RULES] [--out bench/plan.csv] [--table FILE]
+        [--truth 120] [--converged 256] [--alone] [--only RULES] [--without RULES] [--out bench/plan.csv] [--table FILE]
 
 Stock: the scene's own settings, Blender's start-up ones plus what its tutorial sets. Planned: the same scene after the planner.
 Denoising is off for both, since it hides the noise that is compared; samples climb a ladder by fours, stock and planned taking
@@ -47,7 +47,7 @@ from volumetrics_addon.plan.model import CYCLES, EEVEE  # noqa: E402
 
 FULL_HD = 1920 * 1080
 STOCK_EEVEE_SAMPLES = 64
-MOST_SAMPLES = {CYCLES: 16384, EEVEE: 256}
+MOST_SAMPLES = 16384
 LONG = 3.0  # processor seconds of a picture that is taken once
 
 
@@ -63,8 +63,8 @@ class Way:
 class Bench:
     """One scene in one engine: builds it, applies ways, takes pictures."""
 
-    def __init__(self, scene: usual.UsualScene, engine: str, size: int, without: tuple[str, ...]):
-        self.usual, self.engine, self.without = scene, engine, without
+    def __init__(self, scene: usual.UsualScene, engine: str, size: int, without: tuple[str, ...], most: int):
+        self.usual, self.engine, self.without, self.most = scene, engine, without, most
         self.width, self.height = size, max(1, round(size * 9 / 16))
         self.built: bpy.types.Scene | None = None
 
@@ -111,7 +111,7 @@ class Bench:
         """Pictures (k, ...) of consecutive seeds that take about the budget of processor seconds together."""
         if self.engine == EEVEE:
             self.shoot(way, 1)  # compiles
-            return self.shoot(way, MOST_SAMPLES[EEVEE], converged=True)[0][None]
+            return self.shoot(way, self.most, converged=True)[0][None]
         _, few, _ = self.shoot(way, 1, 1000, converged=True)
         _, more, _ = self.shoot(way, 33, 1000, converged=True)
         each = max((more - few) / 32, 1e-6)
@@ -123,7 +123,7 @@ class Bench:
         """The converged stock pictures, from their file or rendered and kept there."""
         source = inspect.getsource(usual).partition("# --- the scenes")[0] + inspect.getsource(self.usual.fill)
         digest = hashlib.sha256(repr((source, self.usual.frames, bpy.app.version_string, self.engine, self.width, self.height,
-                                      budget)).encode()).hexdigest()[:12]
+                                      budget if self.engine == CYCLES else self.most)).encode()).hexdigest()[:12]
         path = folder / f"{self.engine}-{self.usual.name}-{digest}.npz"
         if path.exists():
             with np.load(path) as stored:
@@ -143,7 +143,7 @@ def climb(bench: Bench, ways: list[Way], truth: np.ndarray, wanted: float, limit
         for way in ways:
             bench.shoot(way, 1)  # compiles
     samples, climbing = first, list(ways)
-    while climbing and samples <= MOST_SAMPLES[bench.engine]:
+    while climbing and samples <= bench.most:
         shots: dict[str, list] = {way.name: [] for way in climbing}
         for repeat in range(repeats if bench.engine == CYCLES or samples < 64 else 1):
             for way in climbing:
@@ -151,7 +151,8 @@ def climb(bench: Bench, ways: list[Way], truth: np.ndarray, wanted: float, limit
                     shots[way.name].append(bench.shoot(way, samples, repeat))
         for way in list(climbing):
             pictures, cpu, wall = zip(*shots[way.name])
-            way.ladder.append(Rung(samples, float(np.median(cpu)), float(np.median(wall)), rms(np.stack(pictures), mean, variance)))
+            error = rms(np.stack(pictures), mean, variance)
+            way.ladder.append(Rung(samples, float(np.median(cpu)), float(np.median(wall)), error))
             done = bench.engine == CYCLES and way.ladder[-1].error <= wanted and len(way.ladder) > 1
             if done or way.ladder[-1].cpu - way.ladder[0].cpu > limit:  # what is fixed has to be paid at any error
                 climbing.remove(way)
@@ -170,7 +171,7 @@ def row(bench: Bench, way: Way, stock: Way, bias: tuple[float, float, float], wa
     pixels = FULL_HD / (bench.width * bench.height)
     result["gain_hd"] = seconds_at_size(stock.ladder, error, pixels) / seconds_at_size(way.ladder, error, pixels)
     if bench.engine == EEVEE:
-        start = next(rung for rung in stock.ladder if rung.samples == STOCK_EEVEE_SAMPLES)
+        start = next((rung for rung in stock.ladder if rung.samples == STOCK_EEVEE_SAMPLES), stock.ladder[-1])
         reached = common_error([way.ladder, [start]], start.error) if way.ladder[0].error >= start.error else None
         result["gain_start"] = start.cpu / (at_error(way.ladder, reached, "cpu") if reached else way.ladder[0].cpu)
     return result
@@ -188,7 +189,7 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     own = bench.truth(arguments.truth, arguments.out.parent / "truth")
     truth = own
     if bench.engine == EEVEE:
-        truth = Bench(bench.usual, CYCLES, arguments.size, ()).truth(arguments.truth, arguments.out.parent / "truth")
+        truth = Bench(bench.usual, CYCLES, arguments.size, (), MOST_SAMPLES).truth(arguments.truth, arguments.out.parent / "truth")
     biases = {}
     for way in others:
         pictures = bench.converged(way, arguments.truth / (2.0 if bench.engine == CYCLES else 1.0))
@@ -201,7 +202,8 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     climb(bench, [stock, *others], truth, arguments.error, arguments.limit, arguments.repeats, 4 if bench.engine == CYCLES else 1)
     for way in (stock, *others):
         for rung in way.ladder:
-            say(f"   {way.name:<16} {rung.samples:6} samples  {rung.cpu:8.2f} s of processors  {rung.wall:8.2f} s  error {rung.error:.4f}")
+            say(f"   {way.name:<16} {rung.samples:6} samples  {rung.cpu:8.2f} s of processors  {rung.wall:8.2f} s  "
+                f"error {rung.error:.4f}")
     rows = []
     for way in others:
         try:
@@ -218,8 +220,8 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
 def table(rows: list[dict]) -> str:
     """Markdown: a line for each scene, losers too, and the geometric means."""
     eevee = rows[0]["engine"] == EEVEE
-    lines = [f"| scene | at error | stock | planned | gain | on the clock | {'of 64 samples' if eevee else 'at 1920 x 1080'} | mean | "
-             "95 % interval | rules |", "|---|---:|---:|---:|---:|---:|---:|---:|---|---|"]
+    lines = ["| scene | at error | stock | planned | gain | on the clock | "
+             f"{'of 64 samples' if eevee else 'at 1920 x 1080'} | mean | 95 % interval | rules |", "|---|---:|---:|---:|---:|---:|---:|---:|---|---|"]
     last = "gain_start" if eevee else "gain_hd"
     for found in rows:
         lines.append(f"| {found['scene']} | {found['error']:.1%} | {found['stock_cpu']:.2f} s | {found['cpu']:.2f} s | {found['gain']:.1f} | "
@@ -245,8 +247,9 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=48, help="width of the pictures in pixels")
     parser.add_argument("--repeats", type=int, default=3, help="pictures of each sample count")
     parser.add_argument("--error", type=float, default=0.03, help="relative RMSE at which the ladders are read if both pass it")
-    parser.add_argument("--limit", type=float, default=20.0, help="processor seconds that samples may add to a picture before a ladder ends")
+    parser.add_argument("--limit", type=float, default=20.0, help="processor seconds of the samples at which a ladder ends")
     parser.add_argument("--truth", type=float, default=120.0, help="processor seconds of a truth")
+    parser.add_argument("--converged", type=int, default=256, help="samples of EEVEE's converged picture")
     parser.add_argument("--alone", action="store_true", help="measure each rule of the plan by itself too")
     parser.add_argument("--only", type=words, help="apply only these rules")
     parser.add_argument("--without", type=words, default=(), help="plan without these rules")
@@ -255,7 +258,8 @@ def main() -> None:
     arguments = parser.parse_args()
     rows = []
     for name in arguments.scenes:
-        rows += measure(Bench(usual.by_name(name), arguments.engine, arguments.size, arguments.without), arguments)
+        most = MOST_SAMPLES if arguments.engine == CYCLES else arguments.converged
+        rows += measure(Bench(usual.by_name(name), arguments.engine, arguments.size, arguments.without, most), arguments)
         if rows:
             arguments.out.parent.mkdir(parents=True, exist_ok=True)
             with open(arguments.out, "w", newline="", encoding="utf-8") as file:

@@ -48,8 +48,14 @@ def fresh(code: str) -> dict:
 
 
 def enable(repeats: int) -> bool:
-    code = ("before = set(sys.modules)  # Blender's own add-ons load NumPy\nstart = time.process_time()\nimport volumetrics_addon\nvolumetrics_addon.register()\n"
-            "result = {'ms': 1e3 * (time.process_time() - start), 'numpy': sorted(name for name in set(sys.modules) - before if name.partition('.')[0] == 'numpy')}\nvolumetrics_addon.unregister()")
+    code = """
+before = set(sys.modules)  # Blender's own add-ons load NumPy
+start = time.process_time()
+import volumetrics_addon
+volumetrics_addon.register()
+spent = time.process_time() - start
+result = {'ms': 1e3 * spent, 'numpy': any(name.partition('.')[0] == 'numpy' for name in set(sys.modules) - before)}
+volumetrics_addon.unregister()"""
     fresh(code)  # compiles
     runs = [fresh(code) for _ in range(repeats)]
     spent = median(run["ms"] for run in runs)
@@ -104,8 +110,8 @@ def apply(repeats: int) -> bool:
             if name == family:
                 good &= fine
             once = f"first {first:7.1f} ms" if name == family else " " * 16
-            print(f"applying {family:<8} {'its defaults' if name == family else name:<18} {once}  later {median(spent):7.1f} ms  removing {median(removing):6.1f} ms"
-                  f"{MARK[fine]}", flush=True)
+            print(f"applying {family:<8} {'its defaults' if name == family else name:<18} {once}  later {median(spent):7.1f} ms  "
+                  f"removing {median(removing):6.1f} ms{MARK[fine]}", flush=True)
     return good
 
 

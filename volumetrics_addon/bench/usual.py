@@ -387,7 +387,8 @@ def _lake(scene: bpy.types.Scene) -> None:
     _delete_lamp()
     _panorama((0.75, 0.6, 0.5), (0.2, 0.3, 0.5), 0.8)
     _plane("Water", 200.0, _surface("Water", (0.03, 0.05, 0.06), 0.1))
-    rock, bark, leaves = _surface("Rock", (0.2, 0.19, 0.18)), _surface("Bark", (0.07, 0.05, 0.035)), _surface("Needles", (0.05, 0.1, 0.04))
+    rock = _surface("Rock", (0.2, 0.19, 0.18))
+    bark, leaves = _surface("Bark", (0.07, 0.05, 0.035)), _surface("Needles", (0.05, 0.1, 0.04))
     for i, (x, y) in enumerate(_scattered(24, -14.0, 14.0)):
         _ball("Rock", (x, y + 4.0, 0.0), 0.3 + 0.5 * (0.618 * i % 1.0), rock)
     _box("Shore", (0.0, 30.0, 0.3), (120.0, 16.0, 1.6), _surface("Shore", (0.1, 0.12, 0.05)))
@@ -484,7 +485,8 @@ def _valley(scene: bpy.types.Scene) -> None:
     """A large cube whose density falls with height (Generated -> Separate XYZ -> Color Ramp), hills, a low sun, a panorama."""
     _delete_lamp()
     _panorama((0.8, 0.62, 0.45), (0.15, 0.28, 0.55), 0.9)
-    grass, bark, leaves = _surface("Grass", (0.1, 0.14, 0.05)), _surface("Bark", (0.07, 0.05, 0.035)), _surface("Needles", (0.05, 0.1, 0.04))
+    grass = _surface("Grass", (0.1, 0.14, 0.05))
+    bark, leaves = _surface("Bark", (0.07, 0.05, 0.035)), _surface("Needles", (0.05, 0.1, 0.04))
     _plane("Grass", 400.0, grass)
     for x, y, radius in ((-40.0, 70.0, 30.0), (35.0, 90.0, 42.0), (0.0, 130.0, 50.0)):
         hill = _ball("Hill", (x, y, -0.45 * radius), radius, grass)
@@ -521,7 +523,8 @@ def _campfire(scene: bpy.types.Scene) -> None:
         ramp, _ = _noise(build, 2.2, 4.0, 0.45, 0.6)
         x, y, z = build.components(build.node("ShaderNodeTexCoord").outputs["Object"])
         far = build.math("SQRT", build.math("ADD", build.math("MULTIPLY", x, x), build.math("MULTIPLY", y, y)))
-        flame = build.node("ShaderNodeMapRange", {0: build.math("ADD", far, build.math("MULTIPLY", z, 0.45)), 1: 0.0, 2: 0.5, 3: 1.0, 4: 0.0})
+        out = build.math("ADD", far, build.math("MULTIPLY", z, 0.45))
+        flame = build.node("ShaderNodeMapRange", {0: out, 1: 0.0, 2: 0.5, 3: 1.0, 4: 0.0})
         shape = build.math("MULTIPLY", ramp, flame.outputs[0])
         return build.node("ShaderNodeVolumePrincipled", {
             "Color": (0.2, 0.1, 0.05, 1.0), "Density": build.math("MULTIPLY", shape, 3.0),
