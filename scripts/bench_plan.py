@@ -189,7 +189,9 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     own = bench.truth(arguments.truth, arguments.out.parent / "truth")
     truth = own
     if bench.engine == EEVEE:
-        truth = Bench(bench.usual, CYCLES, arguments.size, (), MOST_SAMPLES).truth(arguments.truth, arguments.out.parent / "truth")
+        cycles = Bench(bench.usual, CYCLES, arguments.size, (), MOST_SAMPLES)
+        truth = cycles.truth(arguments.truth, arguments.out.parent / "truth")
+        bench.built = None  # that file is closed
     biases = {}
     for way in others:
         pictures = bench.converged(way, arguments.truth / (2.0 if bench.engine == CYCLES else 1.0))
