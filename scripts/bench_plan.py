@@ -13,8 +13,9 @@ The truth is the stock picture converged, several seeds, adaptive sampling off, 
 the relative RMSE against it, less its own variance. Both ladders are read at the wanted error or the nearest that both pass. The
 bias is the mean of the converged planned picture over that of the converged stock one, with its 95 % interval.
 
-EEVEE's converged picture is off from Cycles' by more than its noise. Its error is against Cycles' converged stock picture, its
-bias against its own; stock is also taken at the 64 samples that it starts with, and planned where it is no worse.
+EEVEE is off from Cycles by more than its noise, and more samples do not help. Its error is against Cycles' converged stock
+picture, its bias against its own; both ways are read at the first rung that is as good as stock with the samples that it starts
+with, and the gain over those is given too.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ import bpy  # noqa: E402
 
 from volumetrics_addon.bench import usual  # noqa: E402
 from volumetrics_addon.bench.equal_error import (  # noqa: E402
-    Rung, at_error, common_error, geometric_mean, rms, seconds_at_size,
+    Rung, at_error, common_error, geometric_mean, rms, seconds_at_size, soonest,
 )
 from volumetrics_addon.blender import compat, render, tuning  # noqa: E402
 from volumetrics_addon.compare.statistics import Estimate, compare  # noqa: E402
@@ -161,19 +162,23 @@ def climb(bench: Bench, ways: list[Way], truth: np.ndarray, wanted: float, limit
 
 def row(bench: Bench, way: Way, stock: Way, bias: tuple[float, float, float], wanted: float, rules: str) -> dict:
     """What the ladders say of one way against stock."""
-    error = common_error([way.ladder, stock.ladder], wanted)
-    cpu = [at_error(one.ladder, error, "cpu") for one in (stock, way)]
-    wall = [at_error(one.ladder, error, "wall") for one in (stock, way)]
+    if bench.engine == EEVEE:
+        start = next((rung for rung in stock.ladder if rung.samples == STOCK_EEVEE_SAMPLES), stock.ladder[-1])
+        error = start.error
+        first = [soonest(one.ladder, error) for one in (stock, way)]
+        cpu, wall = [rung.cpu for rung in first], [rung.wall for rung in first]
+    else:
+        error = common_error([way.ladder, stock.ladder], wanted)
+        cpu, wall = ([at_error(one.ladder, error, what) for one in (stock, way)] for what in ("cpu", "wall"))
     result = {
         "scene": bench.usual.name, "engine": bench.engine, "version": bpy.app.version_string, "way": way.name,
         "error": error, "stock_cpu": cpu[0], "cpu": cpu[1], "gain": cpu[0] / cpu[1], "gain_wall": wall[0] / wall[1],
         "gain_hd": 0.0, "gain_start": 0.0, "bias": bias[0], "bias_low": bias[1], "bias_high": bias[2], "rules": rules}
-    pixels = FULL_HD / (bench.width * bench.height)
-    result["gain_hd"] = seconds_at_size(stock.ladder, error, pixels) / seconds_at_size(way.ladder, error, pixels)
     if bench.engine == EEVEE:
-        start = next((rung for rung in stock.ladder if rung.samples == STOCK_EEVEE_SAMPLES), stock.ladder[-1])
-        reached = common_error([way.ladder, [start]], start.error) if way.ladder[0].error >= start.error else None
-        result["gain_start"] = start.cpu / (at_error(way.ladder, reached, "cpu") if reached else way.ladder[0].cpu)
+        result["gain_start"] = start.cpu / cpu[1]
+    else:
+        pixels = FULL_HD / (bench.width * bench.height)
+        result["gain_hd"] = seconds_at_size(stock.ladder, error, pixels) / seconds_at_size(way.ladder, error, pixels)
     return result
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from volumetrics_addon.bench.equal_error import (
-    Rung, at_error, common_error, descending, fixed_and_growing, geometric_mean, rms, seconds_at_size,
+    Rung, at_error, common_error, descending, fixed_and_growing, geometric_mean, rms, seconds_at_size, soonest,
 )
 
 
@@ -75,6 +75,14 @@ def test_the_truth_s_own_noise_is_taken_off():
     found = rms(pictures, truths.mean(axis=0), truths.var(axis=0, ddof=1) / 8)
     # 160,000 squares of deviation 0.2^2 + 0.3^2 / 8, of which sqrt(2 / 160,000) is 0.35 %; the mean of 40,000 is known to 0.3 %
     assert found == pytest.approx(0.2 / exact.mean(), rel=0.015)
+
+
+def test_where_samples_do_not_help_the_first_rung_that_is_as_good_counts():
+    flat = [Rung(1, 1.0, 1.0, 0.40), Rung(4, 2.0, 2.0, 0.353), Rung(16, 5.0, 5.0, 0.36), Rung(64, 17.0, 17.0, 0.35)]
+    assert soonest(flat, 0.35) == flat[1] and soonest(flat[::-1], 0.4) == flat[0]
+    assert soonest(flat, 0.35, slack=0.0) == flat[3]
+    with pytest.raises(ValueError, match="no rung has the error 0.2; the best has 0.35"):
+        soonest(flat, 0.2)
 
 
 def test_geometric_mean():

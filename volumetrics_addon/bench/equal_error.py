@@ -53,6 +53,17 @@ def at_error(ladder: Sequence[Rung], error: float, what: str) -> float:
     return math.exp(np.interp(math.log(error), *zip(*logs)))
 
 
+def soonest(ladder: Sequence[Rung], error: float, slack: float = 0.01) -> Rung:
+    """The first rung whose error is at most this one, within the slack: for errors that samples do not lower.
+
+    Raises ValueError where no rung is as good.
+    """
+    for rung in sorted(ladder, key=lambda rung: rung.samples):
+        if rung.error <= error * (1.0 + slack):
+            return rung
+    raise ValueError(f"no rung has the error {error:.3g}; the best has {min(rung.error for rung in ladder):.3g}")
+
+
 def fixed_and_growing(ladder: Sequence[Rung]) -> tuple[float, float]:
     """Processor seconds of a picture whatever its samples, and for each sample: relative least squares, neither below 0."""
     samples = np.array([rung.samples for rung in ladder], float)
