@@ -214,11 +214,13 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     rows = []
     for way in others:
         try:
-            rows.append(row(bench, way, stock, biases[way.name], arguments.error, ", ".join(rules) if way.rules is None else way.name))
+            applied = ", ".join(rules) if way.rules is None else way.name
+            rows.append(row(bench, way, stock, biases[way.name], arguments.error, applied))
         except ValueError as error:
             say(f"   {way.name}: {error}; mean {biases[way.name][0]:+.2%}")
     for found in rows:
-        say(f"   => {found['way']:<16} gain {found['gain']:7.2f} (clock {found['gain_wall']:.2f}, full HD {found['gain_hd']:.2f}, "
+        say(f"   => {found['way']:<16} gain {found['gain']:7.2f} (clock {found['gain_wall']:.2f}, "
+            f"full HD {found['gain_hd']:.2f}, "
             f"start-up samples {found['gain_start']:.2f}) at error {found['error']:.3f}, "
             f"mean {found['bias']:+.3%} [{found['bias_low']:+.3%}, {found['bias_high']:+.3%}]")
     return rows
@@ -228,10 +230,12 @@ def table(rows: list[dict]) -> str:
     """Markdown: a line for each scene, losers too, and the geometric means."""
     eevee = rows[0]["engine"] == EEVEE
     lines = ["| scene | at error | stock | planned | gain | on the clock | "
-             f"{'of 64 samples' if eevee else 'at 1920 x 1080'} | mean | 95 % interval | rules |", "|---|---:|---:|---:|---:|---:|---:|---:|---|---|"]
+             f"{'of 64 samples' if eevee else 'at 1920 x 1080'} | mean | 95 % interval | rules |",
+             "|---|---:|---:|---:|---:|---:|---:|---:|---|---|"]
     last = "gain_start" if eevee else "gain_hd"
     for found in rows:
-        lines.append(f"| {found['scene']} | {found['error']:.1%} | {found['stock_cpu']:.2f} s | {found['cpu']:.2f} s | {found['gain']:.1f} | "
+        lines.append(f"| {found['scene']} | {found['error']:.1%} | {found['stock_cpu']:.2f} s | {found['cpu']:.2f} s | "
+                     f"{found['gain']:.1f} | "
                      f"{found['gain_wall']:.1f} | {found[last]:.1f} | {found['bias']:+.2%} | {found['bias_low']:+.2%} to "
                      f"{found['bias_high']:+.2%} | {found['rules']} |")
     means = [geometric_mean([found[name] for found in rows]) for name in ("gain", "gain_wall", last)]

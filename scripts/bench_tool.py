@@ -4,8 +4,8 @@
     python scripts/bench_tool.py [--cycles 1000] [--repeats 7] [enable] [apply] [plan] [memory]
 
 Milliseconds of the processor, medians of the repeats; what a fresh process pays once is measured in fresh processes. A preset is
-applied to Blender's start-up scene with the values that the panel offers. ``first`` holds the imports of a session, ``later`` does
-not. Goals are those of each family's default values; presets above them are marked too. The exit status is 1 where one is missed.
+applied to Blender's start-up scene with the values that the panel offers. ``first`` holds the imports of a session,
+``later`` does not. Goals are those of each family's default values; presets above them are marked too. The exit status is 1 where one is missed.
 """
 
 from __future__ import annotations
@@ -62,7 +62,8 @@ volumetrics_addon.unregister()"""
     runs = [fresh(code) for _ in range(repeats)]
     spent = median(run["ms"] for run in runs)
     good = spent <= ENABLE_MS and not any(run["numpy"] for run in runs)
-    print(f"enabling          {spent:8.1f} ms, goal {ENABLE_MS:g}; numpy {'loaded' if runs[0]['numpy'] else 'not loaded'}{MARK[good]}")
+    print(f"enabling          {spent:8.1f} ms, goal {ENABLE_MS:g}; "
+          f"numpy {'loaded' if runs[0]['numpy'] else 'not loaded'}{MARK[good]}")
     return good
 
 

@@ -47,7 +47,8 @@ def test_two_spheres_share_no_data():
     one, _ = objects.mesh(Ellipsoid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), "one")
     two, _ = objects.mesh(Ellipsoid((0.0, 0.0, 0.0), (1.0, 1.0, 2.0)), "two")
     assert {one, two} == set(bpy.data.meshes) - before
-    assert max(vertex.co.z for vertex in two.vertices) == pytest.approx(2.0 * max(vertex.co.z for vertex in one.vertices), rel=1e-6)
+    tops = [max(vertex.co.z for vertex in mesh.vertices) for mesh in (one, two)]
+    assert tops[1] == pytest.approx(2.0 * tops[0], rel=1e-6)
     for mesh in (one, two):
         bpy.data.meshes.remove(mesh)
 

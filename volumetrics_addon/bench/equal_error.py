@@ -37,7 +37,8 @@ def common_error(ladders: Sequence[Sequence[Rung]], wanted: float) -> float:
     low = max(min(rung.error for rung in ladder) for ladder in ladders)
     high = min(max(rung.error for rung in ladder) for ladder in ladders)
     if low > high:
-        raise ValueError(f"no error is common to all ladders: one ends at {low:.3g}, another starts at {high:.3g}; widen the ladders")
+        raise ValueError(f"no error is common to all ladders: one ends at {low:.3g}, another starts at {high:.3g}; "
+                         "widen the ladders")
     return min(max(wanted, low), high)
 
 

@@ -84,7 +84,8 @@ def _volume(name: str, shader: Callable[[Tree], bpy.types.Node]) -> bpy.types.Ma
 
 def _haze(density: float, anisotropy: float = 0.0, color: Point = (0.8, 0.8, 0.8)) -> Callable[[Tree], bpy.types.Node]:
     """Volume Scatter, as tutorials add it, with its default colour."""
-    return lambda build: build.node("ShaderNodeVolumeScatter", {"Color": (*color, 1.0), "Density": density, "Anisotropy": anisotropy})
+    inputs = {"Color": (*color, 1.0), "Density": density, "Anisotropy": anisotropy}
+    return lambda build: build.node("ShaderNodeVolumeScatter", inputs)
 
 
 def _noise(build: Tree, scale: float, detail: float, low: float, high: float, coordinate: str = "Object",
@@ -103,7 +104,8 @@ def _smoke(density: float, scale: float, detail: float = 4.0, low: float = 0.45,
     """Principled Volume, its density a noise through a color ramp times a number."""
     def shader(build: Tree) -> bpy.types.Node:
         ramp, _ = _noise(build, scale, detail, low, high, coordinate)
-        return build.node("ShaderNodeVolumePrincipled", {"Density": build.math("MULTIPLY", ramp, density), "Anisotropy": anisotropy})
+        inputs = {"Density": build.math("MULTIPLY", ramp, density), "Anisotropy": anisotropy}
+        return build.node("ShaderNodeVolumePrincipled", inputs)
     return shader
 
 
@@ -206,7 +208,8 @@ def _scattered(count: int, low: float, high: float) -> Iterable[tuple[float, flo
         yield low + (high - low) * (0.7548776662 * (i + 1) % 1.0), low + (high - low) * (0.5698402910 * (i + 1) % 1.0)
 
 
-def _tree_trunks(points: Iterable[tuple[float, float]], height: float, bark: bpy.types.Material, leaves: bpy.types.Material) -> None:
+def _tree_trunks(points: Iterable[tuple[float, float]], height: float, bark: bpy.types.Material,
+                 leaves: bpy.types.Material) -> None:
     for x, y in points:
         _post("Trunk", (x, y, 0.0), 0.25, height, bark)
         for level in (0.55, 0.75, 0.95):
@@ -218,7 +221,7 @@ def _tree_trunks(points: Iterable[tuple[float, float]], height: float, bark: bpy
 
 @_usual("foggy-street", "World-volume fog between street lamps")
 def _foggy_street(scene: bpy.types.Scene) -> None:
-    """Volume Scatter of density 0.03 in the world ("fog everywhere in two clicks"), six lamps of 300 W along a street at night."""
+    """Volume Scatter of density 0.03 in the world ("fog everywhere in two clicks"), six lamps of 300 W along a street."""
     _delete_lamp()
     build, output = _sky((0.01, 0.013, 0.025))
     build.feed(output.inputs["Volume"], _haze(0.03, 0.2)(build).outputs[0])
@@ -246,7 +249,7 @@ def _noise_cube(scene: bpy.types.Scene) -> None:
 
 @_usual("cathedral", "Sun through the windows of a hall, twelve bounces")
 def _cathedral(scene: bpy.types.Scene) -> None:
-    """A hall filled by a cube of Volume Scatter, a sun through a row of windows; all bounces at 12 "so that nothing is missing"."""
+    """A hall filled by a cube of Volume Scatter, a sun through windows; all bounces at 12 "so that nothing is missing"."""
     _delete_lamp()
     stone = _surface("Stone", (0.45, 0.4, 0.33))
     _sky((0.25, 0.35, 0.5), 0.4)
@@ -274,7 +277,8 @@ def _club(scene: bpy.types.Scene) -> None:
     """Three strong spots through the haze of a stage; seventeen lamps of the house that are dim, far or behind the set."""
     _delete_lamp()
     _sky((0.0, 0.0, 0.0))
-    black, wood, skin = _surface("Black", (0.03,) * 3), _surface("Wood", (0.25, 0.14, 0.07)), _surface("Figure", (0.5, 0.35, 0.28))
+    black, wood = _surface("Black", (0.03,) * 3), _surface("Wood", (0.25, 0.14, 0.07))
+    skin = _surface("Figure", (0.5, 0.35, 0.28))
     _box("Stage", (0.0, 4.0, 0.5), (14.0, 8.0, 1.0), wood)
     _box("Backdrop", (0.0, 8.2, 4.0), (16.0, 0.3, 8.0), black)
     _plane("Floor", 60.0, black)
@@ -295,7 +299,7 @@ def _club(scene: bpy.types.Scene) -> None:
 
 @_usual("lone-cloud", "A small cloud in a huge domain")
 def _lone_cloud(scene: bpy.types.Scene) -> None:
-    """A cube of 160 m, so that the domain is never in the way, with a ball of noise in its middle; sun, blue sky, four bounces."""
+    """A cube of 160 m, so that the domain is never in the way, a ball of noise in its middle; sun, blue sky, four bounces."""
     _delete_lamp()
     _panorama((0.45, 0.6, 0.85), (0.08, 0.2, 0.5))
     _plane("Meadow", 600.0, _surface("Meadow", (0.12, 0.2, 0.05)), -30.0)

@@ -42,7 +42,8 @@ def mesh(shape: Shape, name: str, eye: tuple[float, float, float] | None = None)
         return rings(shape, eye, name)
     data = bpy.data.meshes.new(name)
     if isinstance(shape, Ellipsoid):
-        vertices, triangles, swell = _unit_sphere_mesh()  # the facets lie inside the sphere; equal volume makes the mean chord right
+        # The facets lie inside the sphere; equal volume makes the mean chord right.
+        vertices, triangles, swell = _unit_sphere_mesh()
         _fill(data, vertices * np.array(shape.half, np.float32) * np.float32(swell), [triangles])
         return data, placement(shape)
     build = bmesh.new()
