@@ -25,6 +25,7 @@ def scene():
     result = bpy.context.scene
     result.render.engine = "CYCLES"
     result.frame_end = 1
+    result.render.resolution_percentage, result.cycles.samples = 5, 32  # a preview
     result.cycles.use_denoising = result.cycles.use_adaptive_sampling = False
     result.cycles.device = "CPU"
     result.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0

@@ -164,6 +164,17 @@ WRONG_USAGE = [
     (["verify", "tea-glass", "--repeats", "1"], "from 2 to"), (["verify", "tea-glass", "--tolerance", "0"], "positive"),
     (["verify", "tea-glass", "--tolerance", "nan"], "positive"), (["verify", "tea-glass", "--tolerance", "small"], "0.5%"),
     (["tour", "--size", "-3"], "from 1 to 8192"),
+    (["render", "tea-glass", "--error", "0"], "positive fraction"), (["render", "tea-glass", "--error", "-1%"], "expected one argument"),
+    (["render", "tea-glass", "--error=-1%"], "positive fraction"), (["render", "tea-glass", "--error"], "expected one argument"),
+    (["render", "tea-glass", "--time"], "expected one argument"), (["render", "tea-glass", "--time", "0s"], "time above 0"),
+    (["render", "tea-glass", "--time", "soon"], "such as 60, 60s"), (["render", "tea-glass", "--time", "inf"], "time above 0"),
+    (["render", "tea-glass", "--error", "1%", "--samples", "8"], "--samples contradicts"),
+    (["render", "tea-glass", "--time", "5s", "--samples", "8"], "--max-samples"),
+    (["render", "tea-glass", "--max-samples", "8"], "belongs to --error or --time"),
+    (["render", "tea-glass", "--round-samples", "8"], "belongs to --error or --time"),
+    (["render", "tea-glass", "--error", "1%", "--round-samples", "8", "--max-samples", "4"], "above --max-samples 4"),
+    (["render", "tea-glass", "--frame", "3"], "for .blend files"), (["render", "missing.blend"], "no such file"),
+    (["render", "missing.blend", "--glass.ior", "1.4"], "is for presets"),
     # The camera looks at itself: no single value is wrong.
     (["render", "tea-glass", *TINY, "--stage.camera-location", "1,1,1", "--stage.camera-target", "1,1,1"], "direction"),
 ]
@@ -196,7 +207,7 @@ def test_render_writes_linear_exr_and_a_picture(tmp_path, capsys):
     out = tmp_path / "new" / "x.exr"
     assert main(["render", "tea-glass", *TINY, "--out", str(out)]) == OK
     assert str(out) in capsys.readouterr().out
-    assert sorted(path.name for path in out.parent.iterdir()) == ["x.exr", "x.png"]
+    assert sorted(path.name for path in out.parent.iterdir()) == ["x.exr", "x.json", "x.png"]
     pixels, kinds = channels_of(out)
     assert pixels.shape == (16, 16, 3) and kinds == {"float32"}
     assert png_size(out.with_suffix(".png")) == (16, 16)
@@ -211,7 +222,7 @@ def test_render_follows_aspect_and_seed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     images = []
     for seed in ("0", "0", "1"):
-        assert main(["render", "cobalt-block", *TINY, "--stage.aspect", "2", "--seed", seed, "--json"]) == OK
+        assert main(["render", "cobalt-block", *TINY, "--stage.aspect", "2", "--seed", seed, "--json", "--force"]) == OK
         figures = json.loads(capsys.readouterr().out)
         assert (figures["width"], figures["height"], figures["seed"]) == (16, 8, int(seed))
         assert figures["exr"] == "cobalt-block-cycles.exr" and figures["decisions"]
@@ -250,6 +261,93 @@ def test_failed_write_leaves_no_half_file(tmp_path, monkeypatch, capsys):
     assert main(["render", "tea-glass", *TINY, "--out", str(tmp_path / "x.exr")]) == FAILED
     assert "No space left" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_unchanged_is_not_rendered_again(tmp_path, monkeypatch, capsys):
+    from volumetrics_addon.blender import render
+
+    out, rendered, real = tmp_path / "x.exr", [], render.render_built
+    monkeypatch.setattr(render, "render_built", lambda *a, **k: rendered.append(1) or real(*a, **k))
+
+    def renders(*more, name="tea-glass"):
+        rendered.clear()
+        assert main(["render", name, *TINY, "--out", str(out), *more]) == OK
+        text = capsys.readouterr().out
+        assert bool(rendered) != ("unchanged, not rendered again" in text)
+        return bool(rendered)
+
+    assert renders() and not renders() and renders("--force") and not renders()
+    assert renders("--seed", "1") and renders("--samples", "5") and renders("--glass.strength", "0.5") and renders("--size", "12")
+    assert not renders("--size", "12")
+    out.write_bytes(out.read_bytes() + b" ")  # no longer the picture that the figures are of
+    assert renders("--size", "12")
+    out.with_suffix(".json").write_text("{}")
+    assert renders("--size", "12") and not renders("--size", "12")
+    mine = tmp_path / "mine.toml"
+    assert main(["show", "tea-glass", "--toml"]) == OK
+    mine.write_text(capsys.readouterr().out)
+    assert renders(name=str(mine)) and not renders(name=str(mine))
+    assert main(["render", "tea-glass", *TINY, "--out", str(out), "--json"]) == OK
+    assert json.loads(capsys.readouterr().out)["samples"] == 4
+
+
+def test_render_to_an_error(tmp_path, capsys):
+    out = tmp_path / "x.exr"
+    arguments = ["render", "emerald-sphere", "--size", "12", "--error", "20%", "--out", str(out)]
+    assert main([*arguments, "--json"]) == OK
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["reached"] and figures["upper_bound"] <= 0.2 and figures["rounds"] >= 8 and figures["confidence"] == 0.95
+    assert figures["relative_error"] <= figures["upper_bound"] and figures["noise"] <= figures["noise_upper"]
+    assert figures["bias"]["upper"] < 0.2 and figures["target"] == {"error": 0.2, "seconds": None} and not figures["unchanged"]
+    assert channels_of(out)[0].shape == (12, 12, 3)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["x.exr", "x.json", "x.png"]
+    assert main(arguments) == OK
+    text = capsys.readouterr().out
+    assert "not rendered again" in text and "with 95% confidence" in text and "against the reference" in text
+
+
+def test_a_target_that_is_missed_is_exit_code_1(tmp_path, capsys):
+    out = tmp_path / "x.exr"
+    arguments = ["render", "emerald-sphere", "--size", "8", "--error", "2%", "--round-samples", "2", "--max-samples", "16",
+                 "--out", str(out)]
+    assert main(arguments) == WORSE
+    text = capsys.readouterr().out
+    assert "was not reached: the limit is 16 samples" in text and "times the samples" in text
+    assert out.exists() and (tmp_path / ".x.exr.partial.npz").exists()  # a longer run goes on from there
+    assert main(arguments) == WORSE and "not rendered again" in capsys.readouterr().out
+    assert main([*arguments[:-3], "32", *arguments[-2:]]) == WORSE
+    assert "going on from" in (text := capsys.readouterr().out) and "16 x 2 samples" in text
+    short = ["render", "emerald-sphere", "--size", "8", "--time", "1s", "--out", str(tmp_path / "y.exr")]
+    assert main(short) == OK and "it is measured from 10 s on" in capsys.readouterr().out
+    assert not (tmp_path / ".y.exr.partial.npz").exists()
+
+
+@pytest.fixture(scope="module")
+def blend(tmp_path_factory):
+    """A .blend file made with Blender's start-up scene."""
+    path = tmp_path_factory.mktemp("blend") / "start.blend"
+    code = ("import bpy; bpy.ops.wm.read_factory_settings(); s = bpy.context.scene; s.render.engine = 'CYCLES'; "
+            "s.render.resolution_x, s.render.resolution_y, s.render.resolution_percentage = 40, 20, 50; s.cycles.samples = 3; "
+            f"bpy.ops.wm.save_as_mainfile(filepath={str(path)!r})")
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    return path
+
+
+def test_render_a_blend_file(blend, tmp_path, capsys):
+    out = tmp_path / "x.exr"
+    assert main(["render", str(blend), "--out", str(out), "--json"]) == OK
+    figures = json.loads(capsys.readouterr().out)
+    assert (figures["width"], figures["height"], figures["samples"], figures["engine"]) == (20, 10, 3, "cycles")
+    assert figures["blend"] == str(blend) and "adaptive sampling off" in {d["effect"] for d in figures["decisions"]}
+    assert main(["render", str(blend), "--out", str(out)]) == OK and "not rendered again" in capsys.readouterr().out
+    assert main(["render", str(blend), "--out", str(out), "--size", "16", "--error", "10%"]) == OK
+    text = capsys.readouterr().out
+    assert "16 x 8" in text and "against itself with four times the samples" in text
+    assert channels_of(out)[0].shape == (8, 16, 3)
+    bad = tmp_path / "bad.blend"
+    bad.write_bytes(b"not a blend file")
+    assert main(["render", str(bad), "--out", str(tmp_path / "y.exr")]) == USAGE
+    assert "bad.blend cannot be opened" in capsys.readouterr().err and not (tmp_path / "y.exr").exists()
 
 
 # --- verify ----------------------------------------------------------------------------------------------------
@@ -433,6 +531,36 @@ def test_script_for_a_blender_without_the_extension():
     done = subprocess.run([sys.executable, ROOT / "scripts" / "volumetrics.py", "--", "show", "cumulos"], capture_output=True,
                           text=True, timeout=60)
     assert done.returncode == USAGE and "known: " in done.stderr
+
+
+def test_interrupted_render_to_an_error_goes_on_to_the_same_pixels(tmp_path):
+    """Ctrl-C in the engine, where no Python runs; the rounds that follow then make what an uninterrupted run does.
+
+    Below ten seconds no bias is measured, which here would take longer than the picture.
+    """
+    arguments = ["render", "emerald-sphere", "--size", "32", "--error", "0.0001%", "--round-samples", "128"]
+    out, checkpoint = tmp_path / "x.exr", tmp_path / ".x.exr.partial.npz"
+    process = subprocess.Popen([sys.executable, "-m", "volumetrics_addon", *arguments, "--time", "9.9", "--out", str(out)], cwd=ROOT,
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    try:
+        deadline = time.monotonic() + 60
+        while not checkpoint.exists():
+            assert time.monotonic() < deadline and process.poll() is None
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=20)
+    finally:
+        process.kill()
+    assert process.returncode == INTERRUPTED and b"the same command goes on" in errors and b"Traceback" not in errors
+    assert list(tmp_path.iterdir()) == [checkpoint]
+    with np.load(checkpoint) as stored:
+        rounds = int(stored["count"])
+    limit = str(128 * (rounds + 3))
+    resumed = command(*arguments, "--max-samples", limit, "--out", out, "--json")
+    whole = command(*arguments, "--max-samples", limit, "--time", "9.9", "--out", tmp_path / "whole.exr", "--json")
+    figures = [json.loads(done.stdout) for done in (resumed, whole)]
+    assert [f["resumed_rounds"] for f in figures] == [rounds, 0] and figures[0]["rounds"] == figures[1]["rounds"] == rounds + 3
+    assert np.array_equal(channels_of(out)[0], channels_of(tmp_path / "whole.exr")[0])
 
 
 def test_interrupt_stops_a_render_and_leaves_nothing(tmp_path):

@@ -24,6 +24,11 @@ def test_documented_integrators_are_those_that_are_here():
     assert text.endswith(tables.integrators() + "\n"), "run: volumetrics table integrators"
 
 
+def test_documented_rules_are_those_that_are_here():
+    text = (ROOT / "docs" / "plan.md").read_text(encoding="utf-8")
+    assert text.endswith(tables.rules() + "\n"), "run: volumetrics table rules"
+
+
 def test_readme_lists_every_preset_with_an_error_for_each_engine():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if re.fullmatch(r"\| `.*` \| \w+ \|.*\| [+-][\d.]+% \[.*\] \| [+-][\d.]+%.* \|", line)]

@@ -238,6 +238,14 @@ def test_a_huge_domain_with_fine_features_is_not_marched():
     assert advice(scene(medium("cloud", CLOUD, half=1000.0)), "ray marching") is None
 
 
+def test_marching_pays_where_its_steps_are_fewer_than_the_octrees_evaluations():
+    """16 x 128^3 evaluations for each object; of the diagonal of 2 sqrt 3 in steps of 0.0745, as many as there are paths."""
+    step = math.sqrt(24.0 * allowed("ray marching")) / 2.0
+    most = 16.0 * 128.0**3 / (2.0 * math.sqrt(3.0) / step)
+    assert advice(scene(medium("cloud", CLOUD), paths=0.99 * most), "ray marching")
+    assert advice(scene(medium("cloud", CLOUD), paths=1.01 * most), "ray marching") is None
+
+
 @pytest.mark.parametrize("settings", [{"cycles.volume_biased": True}, {}])
 def test_marched_media_get_longer_steps_and_never_shorter_ones(settings):
     marched = scene(medium("cloud", CLOUD, step_rate=0.05), settings=settings, null_scattering=bool(settings))

@@ -25,6 +25,7 @@ STILL = {"SUBSURF", "BEVEL", "MIRROR", "ARRAY", "SOLIDIFY", "TRIANGULATE", "WEIG
          "WELD", "SKIN", "WIREFRAME", "MULTIRES", "SIMPLE_DEFORM", "DISPLACE", "SMOOTH", "CAST"}
 MOST_FACES = 64  # of a mesh that is looked through for walls
 MIRRORS = 0.3  # roughness below which a surface shows what it mirrors
+ADAPTIVE_SAMPLES = 256  # that a pixel takes on average at most
 FEWEST_LAMPS, MOST_LAMPS, MOST_TRACED = 4, 200, 250  # lamps and objects of a scene whose light paths are traced: a ray asks all objects
 RAYLEIGH_G = 0.15  # of the HG lobe with at least the peak and the contrast of molecules
 
@@ -79,7 +80,14 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
         engine, present, view, tuple(media), tuple(lamps), solids, sky.high, sky.rate, world.name if own_map else "", traced, faces, room,
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
-        unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
+        paths=_paths(blender_scene), unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
+
+
+def _paths(blender_scene: bpy.types.Scene) -> float:
+    """Camera paths of a picture; with adaptive sampling few pixels take all of their samples."""
+    render, cycles = blender_scene.render, blender_scene.cycles
+    samples = min(cycles.samples, ADAPTIVE_SAMPLES) if cycles.use_adaptive_sampling else cycles.samples
+    return render.resolution_x * render.resolution_y * (render.resolution_percentage / 100.0) ** 2 * samples
 
 
 def _has(blender_scene: bpy.types.Scene, path: str) -> bool:

@@ -33,6 +33,7 @@ from . import build, compat
 
 
 LIGHT_PATHS = 64 * 32  # of baked light: for each of its voxels, times the voxels along its longest side
+INTERRUPTED = "interrupted; nothing half-written is left"
 
 
 class RenderError(RuntimeError):
@@ -95,7 +96,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def _quiet(enabled: bool) -> Iterator[None]:
+def silenced(enabled: bool) -> Iterator[None]:
     """Send what the engine prints, which no Blender option silences, to the null device."""
     if not enabled:
         yield
@@ -114,7 +115,7 @@ def _quiet(enabled: bool) -> Iterator[None]:
 
 
 @contextmanager
-def _interruptible(folder: str) -> Iterator[None]:
+def _interruptible(folder: str, message: str) -> Iterator[None]:
     """Ctrl-C ends the process at once, with exit code 130.
 
     Python runs signal handlers only between its own instructions, and an engine returns to Python when its picture is
@@ -133,7 +134,7 @@ def _interruptible(folder: str) -> Iterator[None]:
                 continue
             for leftover in (folder, bpy.app.tempdir):
                 shutil.rmtree(leftover, ignore_errors=True)
-            os.write(errors, b"\nvolumetrics: interrupted; nothing half-written is left\n")
+            os.write(errors, f"\nvolumetrics: {message}\n".encode())
             os._exit(130)
 
     watcher = threading.Thread(target=watch, daemon=True)
@@ -206,35 +207,44 @@ def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, 
     if engine != CYCLES:
         repeats = 1
     start = time.perf_counter()
+    report = progress or (lambda share: None)
+    with staged(scene, bodies, label, engine, samples, settings=settings, seed=seed) as (plan, built):
+        parts = [render_built(one, width, height, seed=seed, repeats=repeats, quiet=quiet,
+                              progress=lambda share, index=index: report((index + share) / len(built)))
+                 for index, one in enumerate(built)]
+    return Rendered(together(parts), plan, time.perf_counter() - start)
+
+
+@contextmanager
+def staged(scene: Scene, bodies: Sequence[Body], label: str, engine: str, samples: int, *,
+           settings: Mapping[str, Any] | None = None, seed: int = 0) -> Iterator[tuple[Plan, list[bpy.types.Scene]]]:
+    """The plan and the Blender scene of a Scene, or three scenes in grey where the plan renders its channels apart; they are
+    removed at the end."""
     plan = make_plan(scene, bodies, engine, samples, has_null_scattering=compat.current().volume_biased)
     plan.settings.update(settings or {})
-    report = progress or (lambda share: None)
-    if not plan.channels_apart:
-        baked = {} if plan.compositor_fog else _baked_light(scene, bodies, plan, seed)
-        with build.temporary():
-            built = build.build(scene, bodies, plan, label, baked)
-            images = render_built(built, width, height, seed=seed, repeats=repeats, quiet=quiet, progress=report)
-        return Rendered(images, plan, time.perf_counter() - start)
-    parts = []
-    for index in CHANNELS:
-        with build.temporary():
-            built = build.build(channel(scene, index), [channel_body(body, index) for body in bodies], plan, label)
-            grey = render_built(built, width, height, seed=seed, repeats=repeats, quiet=quiet,
-                                progress=lambda share: report((index + share) / len(CHANNELS)))
-        parts.append(grey.mean(axis=-1))
-    return Rendered(np.stack(parts, axis=-1), plan, time.perf_counter() - start)
+    with build.temporary():
+        if plan.channels_apart:
+            yield plan, [build.build(channel(scene, index), [channel_body(body, index) for body in bodies], plan, label)
+                         for index in CHANNELS]
+        else:
+            baked = {} if plan.compositor_fog else _baked_light(scene, bodies, plan, seed)
+            yield plan, [build.build(scene, bodies, plan, label, baked)]
+
+
+def together(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Images (..., 3) of a stage's scenes: the only one, or the grey ones of red, green and blue as one."""
+    return parts[0] if len(parts) == 1 else np.stack([grey.mean(axis=-1) for grey in parts], axis=-1)
 
 
 def render_built(built: bpy.types.Scene, width: int, height: int, *, seed: int = 0, repeats: int = 1, quiet: bool = True,
-                 progress: Callable[[float], None] | None = None) -> np.ndarray:
-    """Images (repeats, height, width, 3) of a Blender scene, with consecutive seeds in Cycles.
+                 progress: Callable[[float], None] | None = None, interrupted: str = INTERRUPTED) -> np.ndarray:
+    """Images (repeats, height, width, 3) of a Blender scene, with consecutive seeds in Cycles; ``interrupted`` is said on Ctrl-C.
 
     Raises RenderError when the engine writes no image.
     """
     images = []
     render = built.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
-    render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     render.use_file_extension = True
     compat.select_exr(render.image_settings)
     with tempfile.TemporaryDirectory(prefix="volumetrics") as folder:
@@ -242,7 +252,7 @@ def render_built(built: bpy.types.Scene, width: int, height: int, *, seed: int =
             built.cycles.seed = seed + repeat
             path = Path(folder) / f"{repeat}.exr"
             render.filepath = str(path)
-            with _interruptible(folder), _quiet(quiet):
+            with _interruptible(folder, interrupted), silenced(quiet):
                 bpy.ops.render.render(write_still=True, scene=built.name)
             if not path.exists():
                 raise RenderError(f"{render.engine} wrote no image; run 'volumetrics doctor' to see what is missing")

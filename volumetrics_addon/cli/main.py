@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``volumetrics``: list, show, render, verify, tour, plan, integrators, bench, fit-phase, table, doctor.
 
-Exit codes: 0 done, 1 an error was measured above the tolerance, 2 bad usage or a bad preset, 3 something is missing on
+Exit codes: 0 done, 1 an error was measured above the tolerance or a target was missed, 2 bad usage or a bad preset, 3 something is missing on
 this machine or the engine failed, 130 interrupted.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import math
 import os
@@ -47,7 +48,7 @@ class Progress:
             sys.stderr.flush()
 
 
-def _option(group: Group, parameter: Parameter) -> str:
+def option(group: Group, parameter: Parameter) -> str:
     return f"--{group.name}.{parameter.name.replace('_', '-')}"
 
 
@@ -78,18 +79,31 @@ def _tolerance(text: str) -> float:
 
 
 def _seconds(text: str) -> float:
+    number, unit = (text[:-1], text[-1]) if text[-1:] in ("s", "m", "h") else (text, "s")
     try:
-        value = float(text)
+        value = float(number) * {"s": 1.0, "m": 60.0, "h": 3600.0}[unit]
     except ValueError:
         value = 0.0
-    if not value > 0.0:
-        raise argparse.ArgumentTypeError(f"{text} is not allowed; give a time above 0 in seconds")
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not allowed; give a time above 0 in seconds, such as 60, 60s, 5m or 2h")
     return value
+
+
+def _image_options(engine: str | None) -> argparse.ArgumentParser:
+    image = argparse.ArgumentParser(add_help=False)
+    image.add_argument("--engine", choices=ENGINES, default=engine,
+                       help="(cycles; for a .blend file its own)" if engine is None else None)
+    image.add_argument("--samples", type=_whole(1, 1 << 24), metavar="N",
+                       help=f"samples per pixel and repeat (Cycles {SAMPLES[CYCLES]}, EEVEE {SAMPLES[EEVEE]})")
+    image.add_argument("--size", type=_size, metavar="N", help="pixels along the longer side")
+    image.add_argument("--seed", type=_whole(0, 1 << 30), metavar="N", default=0, help="seed of the first repeat (0)")
+    image.add_argument("--engine-output", action="store_true", help="show what the engine prints")
+    return image
 
 
 def parser(program: str) -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog=program, description="Volumetric lighting presets with stated errors.",
-                                  epilog="exit codes: 0 done, 1 worse than the tolerance, 2 bad usage or preset, "
+                                  epilog="exit codes: 0 done, 1 worse than the tolerance or the target, 2 bad usage or preset, "
                                          "3 missing library or failed engine, 130 interrupted")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
@@ -97,19 +111,11 @@ def parser(program: str) -> argparse.ArgumentParser:
     common.add_argument("--json", action="store_true", help="write JSON to standard output")
     common.add_argument("--quiet", action="store_true", help="no progress and no messages but errors")
 
-    image = argparse.ArgumentParser(add_help=False)
-    image.add_argument("--engine", choices=ENGINES, default=CYCLES)
-    image.add_argument("--samples", type=_whole(1, 1 << 24), metavar="N",
-                       help=f"samples per pixel and repeat (Cycles {SAMPLES[CYCLES]}, EEVEE {SAMPLES[EEVEE]})")
-    image.add_argument("--size", type=_size, metavar="N", help="pixels along the longer side")
-    image.add_argument("--seed", type=_whole(0, 1 << 30), metavar="N", default=0, help="seed of the first repeat (0)")
-    image.add_argument("--engine-output", action="store_true", help="show what the engine prints")
-
     changes = argparse.ArgumentParser(add_help=False)
     for group in (*FAMILIES.values(), STAGE):
         section = changes.add_argument_group(f"{group.label.lower()} parameters")
         for parameter in group.parameters:
-            section.add_argument(_option(group, parameter), dest=f"{group.name}.{parameter.name}", metavar="VALUE",
+            section.add_argument(option(group, parameter), dest=f"{group.name}.{parameter.name}", metavar="VALUE",
                                  help=f"{parameter.description} Allowed: {parameter.limits}.".replace("%", "%%"))
 
     commands.add_parser("list", parents=[common], help="the presets that come with the package")
@@ -118,11 +124,23 @@ def parser(program: str) -> argparse.ArgumentParser:
     show.add_argument("preset", help="name of a preset, or a .toml file")
     show.add_argument("--toml", action="store_true", help="write it as a preset file")
 
-    render = commands.add_parser("render", parents=[common, image, changes], help="render a preset to linear 32-bit EXR")
-    render.add_argument("preset", help="name of a preset, or a .toml file")
-    render.add_argument("--out", type=Path, help="the EXR to write (NAME-ENGINE.exr); a .png beside it shows it")
+    render = commands.add_parser("render", parents=[common, _image_options(None), changes],
+                                 help="render a preset or a .blend file to linear 32-bit EXR, to an error or within a time")
+    render.add_argument("preset", help="name of a preset, a .toml file, or a .blend file: its scene, camera and settings")
+    render.add_argument("--out", type=Path, help="the EXR to write (NAME-ENGINE.exr); a .png beside it shows it, "
+                        "a .json has the figures")
+    render.add_argument("--error", type=_tolerance, metavar="E", help="render until the relative RMSE, noise and bias, is below this "
+                        "with 95 %% confidence, such as 0.01 or 1%%; what was interrupted goes on where it stopped")
+    render.add_argument("--time", type=_seconds, metavar="T", help="the best picture within a time, or the longest that --error may "
+                        "take, such as 60s, 5m or 2h")
+    render.add_argument("--round-samples", type=_whole(1, 1 << 23), metavar="N",
+                        help="with --error or --time: samples of each of the renders that are averaged, instead of what a pilot finds")
+    render.add_argument("--max-samples", type=_whole(1, 1 << 24), metavar="N",
+                        help="with --error or --time: limit of all samples of a pixel")
+    render.add_argument("--frame", type=_whole(-1048574, 1048574), metavar="N", help="frame of a .blend file (its current one)")
+    render.add_argument("--force", action="store_true", help="render again although nothing has changed, and from the beginning")
 
-    verify = commands.add_parser("verify", parents=[common, image, changes],
+    verify = commands.add_parser("verify", parents=[common, _image_options(CYCLES), changes],
                                  help="render, compare with the reference and state the error")
     verify.add_argument("preset", nargs="+", help="names of presets, or .toml files; 'all' for every preset")
     verify.add_argument("--repeats", type=_whole(2, 1 << 16), metavar="N",
@@ -167,7 +185,7 @@ def parser(program: str) -> argparse.ArgumentParser:
     fit.add_argument("--keep-mean-cosine", action="store_true", help="the fit has the mean cosine of what is given, exactly")
 
     table = commands.add_parser("table", parents=[common], help="Markdown tables for the documentation")
-    table.add_argument("what", choices=("presets", "parameters", "integrators"))
+    table.add_argument("what", choices=("presets", "parameters", "integrators", "rules"))
     table.add_argument("--from", dest="source", type=Path, default=Path("out"), help="folder of verify's JSON files (out)")
 
     commands.add_parser("doctor", parents=[common], help="what this machine has and what is missing")
@@ -192,8 +210,8 @@ def main(argv: Sequence[str] | None = None, program: str = "volumetrics") -> int
         return _fail(progress, f"{error}\n  remedy: {import_remedy(error)}\n  see also: {program} doctor", FAILED)
     except (OSError, RuntimeError) as error:
         return _fail(progress, error, FAILED)
-    except KeyboardInterrupt:
-        return _fail(progress, "interrupted; nothing half-written is left", INTERRUPTED)
+    except KeyboardInterrupt as stop:
+        return _fail(progress, str(stop) or "interrupted; nothing half-written is left", INTERRUPTED)
 
 
 @contextmanager
@@ -230,14 +248,14 @@ def _say(arguments: argparse.Namespace, text: str) -> None:
         print(text, flush=True)
 
 
-def _make_folder(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
     """The folder, made and written to: better to fail before the render than after it. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder):
         pass
 
 
-def _changed(arguments: argparse.Namespace, preset: Preset) -> Preset:
+def changed(arguments: argparse.Namespace, preset: Preset) -> Preset:
     """The preset with the values given on the command line."""
     changes: dict[str, dict[str, Any]] = {preset.family: {}, STAGE.name: {}}
     for group in (*FAMILIES.values(), STAGE):
@@ -246,7 +264,7 @@ def _changed(arguments: argparse.Namespace, preset: Preset) -> Preset:
             if text is None:
                 continue
             if group.name not in changes:
-                raise ParameterError(f"{_option(group, parameter)} does not belong to {preset.name}, which is a "
+                raise ParameterError(f"{option(group, parameter)} does not belong to {preset.name}, which is a "
                                      f"{preset.family}; use the options --{preset.family}.*")
             changes[group.name][parameter.name] = parameter.parse(text)
     return preset.changed(changes[preset.family], changes[STAGE.name])
@@ -264,7 +282,7 @@ def _list(arguments: argparse.Namespace, progress: Progress) -> int:
 
 
 def _show(arguments: argparse.Namespace, progress: Progress) -> int:
-    preset = _changed(arguments, load(arguments.preset))
+    preset = changed(arguments, load(arguments.preset))
     quantities = derived.derived(preset.family, preset.parameters)
     if arguments.toml:
         print(to_toml(preset), end="")
@@ -299,40 +317,17 @@ def _shown(value: Any) -> str:
 
 
 def _render(arguments: argparse.Namespace, progress: Progress) -> int:
-    preset = _changed(arguments, load(arguments.preset))
-    out = arguments.out or Path(f"{preset.name}-{arguments.engine}.exr")
-    if out.suffix.lower() != ".exr":
-        raise ParameterError(f"--out {out} is not allowed; the picture is linear EXR, end the name with .exr")
-    from .. import verify
-    from ..blender import render
-    from ..compare.png import write_png
-    from ..compare.report import display
+    from . import render
 
-    _make_folder(out.parent)
-    width, height = verify.image_size(preset, arguments.size or 512)
-    samples = arguments.samples or SAMPLES[arguments.engine]
-    scene = verify.scene_of(preset, arguments.engine, width * height * samples)
-    rendered = render.render(preset, scene, arguments.engine, width, height, samples, seed=arguments.seed,
-                             quiet=not arguments.engine_output, progress=lambda share: progress(arguments.engine, share))
-    render.write_exr(out.absolute(), rendered.images[0])
-    shown = out.with_suffix(".png")
-    write_png(shown, display(rendered.images[0], preset.stage["exposure"]))
-    progress.clear()
-    if arguments.json:
-        print(json.dumps({"preset": preset.name, "engine": arguments.engine, "width": width, "height": height,
-                          "samples": samples, "seed": arguments.seed, "seconds": rendered.seconds,
-                          "exr": str(out), "png": str(shown),
-                          "decisions": [vars(decision) for decision in rendered.plan.decisions]}, indent=2))
-    _say(arguments, f"{out} and {shown} ({width} x {height}, {samples} samples, {rendered.seconds:.1f} s)")
-    return OK
+    return render.run(arguments, progress, functools.partial(_say, arguments))
 
 
 def _verify(arguments: argparse.Namespace, progress: Progress) -> int:
     from .. import verify
 
     chosen = names() if arguments.preset == ["all"] else arguments.preset
-    presets = [_changed(arguments, load(name)) for name in chosen]
-    _make_folder(arguments.out)
+    presets = [changed(arguments, load(name)) for name in chosen]
+    make_folder(arguments.out)
     tolerance = arguments.tolerance if arguments.tolerance is not None else verify.TOLERANCE[arguments.engine]
     results, code = [], OK
     for preset in presets:
@@ -390,7 +385,7 @@ def _tour(arguments: argparse.Namespace, progress: Progress) -> int:
     from ..compare.png import write_png
     from ..compare.report import contact_sheet, display
 
-    _make_folder(arguments.out)
+    make_folder(arguments.out)
     cells, results = [], []
     for name, samples, reference_samples in TOUR:
         preset = load(name)
@@ -490,7 +485,8 @@ def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
 def _table(arguments: argparse.Namespace, progress: Progress) -> int:
     from . import tables
 
-    made = {"presets": lambda: tables.presets(arguments.source), "parameters": tables.parameters, "integrators": tables.integrators}
+    made = {"presets": lambda: tables.presets(arguments.source), "parameters": tables.parameters, "integrators": tables.integrators,
+            "rules": tables.rules}
     print(made[arguments.what]())
     return OK
 
@@ -515,7 +511,7 @@ def _bench(arguments: argparse.Namespace, progress: Progress) -> int:
     benches = [scenes.by_name(name) for name in arguments.scene] or list(scenes.SCENES)
     chosen = [rivals.rival(name.strip()) for name in arguments.rivals.split(",")] if arguments.rivals else \
         [rivals.rival(name) for name in rivals.names()]
-    _make_folder(arguments.out)
+    make_folder(arguments.out)
 
     def say(text: str) -> None:
         progress.clear()

@@ -10,7 +10,10 @@ from typing import Any
 from ..parameters.families import FAMILIES
 from ..parameters.preset import load, names
 from ..parameters.stage import PROP, STAGE
-from ..plan.model import ENGINES
+from ..plan.catalogue import BY_NAME, PRESET_RULES, RULES
+from ..plan.model import CYCLES, EEVEE, ENGINES
+
+_ENGINE_NAMES = {CYCLES: "Cycles", EEVEE: "EEVEE"}
 
 
 def parameters() -> str:
@@ -45,6 +48,22 @@ def integrators() -> str:
         settings = "; ".join(", ".join(f"{key} {value}" for key, value in setting.items()) for setting in module.SETTINGS)
         lines.append(f"| `{name}` | {select.summary(module)} | {module.BIAS} | {settings} |")
     return "\n".join(lines)
+
+
+def rules() -> str:
+    """The rules for a user's own scene, and those by which presets are built."""
+    lines = []
+    for title, chosen in (("A scene of your own", RULES), ("Presets", PRESET_RULES)):
+        lines += [f"## {title}", "", "| rule | engines | applies where | leaves out | bound or error | gain | switched off by |",
+                  "|---|---|---|---|---|---|---|"]
+        for rule in chosen.values():
+            gain = "; ".join(f"{_ENGINE_NAMES[engine]} {times:g} x" for engine, times in rule.gain.items())
+            gain = f"{gain} on {rule.shown_by}" if gain else ""
+            switch = f"`{BY_NAME} '{rule.name}'`" if chosen is RULES or rule.switch == BY_NAME else f"`{rule.switch}`" if rule.switch else ""
+            lines.append(f"| {rule.name} | {', '.join(_ENGINE_NAMES[engine] for engine in rule.engines)} | {rule.condition} | "
+                         f"{rule.leaves_out} | {rule.guarantee} | {gain} | {switch} |")
+        lines.append("")
+    return "\n".join(lines).rstrip()
 
 
 def _error(path: Path) -> str:

@@ -148,4 +148,5 @@ class Observed:
     has_surfaces: bool = False
     has_instances: bool = False  # of objects that hold media or lights and are not listed
     unused_passes: tuple[tuple[str, str], ...] = ()  # view layer and path
+    paths: float = 0.0  # camera paths of a picture: its pixels times their samples
     null_scattering: bool = True  # whether the engine has it beside ray marching

@@ -171,8 +171,6 @@ def plan(scene: Scene, bodies: Sequence[Body], engine: str, samples: int, *, has
     if result.compositor_fog:
         # A graphics card may not be there, and half floats end at 65504 m.
         result.settings |= {"render.use_compositing": True, "render.compositor_device": "CPU", "render.compositor_precision": "FULL"}
-        if engine == CYCLES:  # the depth is that of the first sample, at the centre of the pixel
-            result.settings |= {"cycles.use_sample_subset": False, "cycles.samples": samples}
     result.channels_apart = result.may("channels apart") and any(
         mixes(a.medium, b.medium) for body in bodies for a, b in combinations(body.volumes, 2))
     if result.channels_apart:
@@ -192,6 +190,21 @@ def check_names(without: Collection[str]) -> None:
                              (f"use {rule.switch}" if rule.switch else "it leaves out what would change nothing"))
 
 
+def sample_settings(engine: str, samples: int, first_included: bool = False) -> dict[str, Any]:
+    """What makes a picture of so many samples of a pixel.
+
+    Cycles puts the first sample of every pixel at its centre: a picture of n samples is off by an n-th of what centres miss,
+    -0.9 % in the emerald sphere on 16 pixels at n = 16. The second stretch of the sequence is as well stratified.
+    ``first_included``: for the compositor's fog, whose depth is that of the first sample.
+    """
+    if engine != CYCLES:
+        return {"eevee.taa_render_samples": samples}
+    if first_included:
+        return {"cycles.use_sample_subset": False, "cycles.samples": samples}
+    return {"cycles.use_sample_subset": True, "cycles.sample_offset": min(samples, MOST_SAMPLES - samples),
+            "cycles.sample_subset_length": samples, "cycles.samples": min(2 * samples, MOST_SAMPLES)}
+
+
 def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scattering: bool, seed: int) -> None:
     bounces = scene.engine_orders - 1
     glass = GLASS_BOUNCES if scene.is_dielectric else 0
@@ -204,12 +217,7 @@ def _cycles(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scatter
                   f"the scene follows {scene.engine_orders} order(s) of scattering")
     result.settings.update({
         "cycles.device": "CPU",
-        # Cycles puts the first sample of every pixel at its centre: a picture of n samples is off by an n-th of what centres miss,
-        # -0.9 % in the emerald sphere on 16 pixels at n = 16. The second stretch of the sequence is as well stratified.
-        "cycles.use_sample_subset": True,
-        "cycles.sample_offset": min(result.samples, MOST_SAMPLES - result.samples),
-        "cycles.sample_subset_length": result.samples,
-        "cycles.samples": min(2 * result.samples, MOST_SAMPLES),
+        **sample_settings(CYCLES, result.samples, result.compositor_fog),
         "cycles.seed": seed,
         "cycles.use_animated_seed": False,
         "cycles.sampling_pattern": "TABULATED_SOBOL",
@@ -307,7 +315,7 @@ def _sampling(scene: Scene) -> str:
 
 def _eevee(scene: Scene, bodies: Sequence[Body], result: Plan, has_null_scattering: bool, seed: int) -> None:
     result.settings.update({
-        "eevee.taa_render_samples": result.samples,
+        **sample_settings(EEVEE, result.samples),
         "eevee.use_taa_reprojection": False,
         "eevee.volumetric_tile_size": "2",
         "eevee.volumetric_samples": EEVEE_SLICES,

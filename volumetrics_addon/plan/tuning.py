@@ -24,6 +24,9 @@ FEATURE_STEP = 0.3  # of a feature, at most
 MOST_STEPS = 1024  # of a ray: what the engine follows by default; a medium that needs more stays as it is
 FEWEST_TEXELS, MOST_TEXELS = 64, 256  # of the map of a sky, across; the engine's own choice has 1024 or more
 SERIES = 50  # tests of a lamp, below which they do not count with those of others
+# Evaluations of the density: for the octree of an object, before each picture; and for a path, in shares of the steps across the
+# domain's diagonal, half of which the camera's ray takes on average, and as much the ray to a lamp.
+OCTREE, STEPS_SHARE = 16.0 * 128.0**3, 1.0
 THINNEST = 1e-4  # optical depth
 
 
@@ -267,8 +270,9 @@ def _marching(scene: Observed, allowed: float) -> Found:
     steps = [_step(medium, allowed / len(textured)) for medium in textured]
     if not textured or min(steps) == 0.0 or any(medium.shared or not medium.editable or medium.step <= 0.0 for medium in textured):
         return None
-    longest = max(visibility.diagonal(medium.corners) / step for medium, step in zip(textured, steps))
-    if longest > MOST_STEPS:
+    taken = [visibility.diagonal(medium.corners) / step for medium, step in zip(textured, steps)]
+    longest = max(taken)
+    if longest > MOST_STEPS or scene.paths * sum(taken) * STEPS_SHARE > OCTREE * len(textured):
         return None
     changes = [Change("scenes", "", "cycles.volume_biased", True)]
     if scene.settings.get("cycles.volume_step_rate", 1.0) != 1.0:

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What can be rendered over and over with other seeds, samples and sizes: a preset's scene, or a user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..parameters.preset import Preset
+from ..plan.model import CYCLES, EEVEE, Decision
+from ..plan.rules import sample_settings
+from ..scene import assemble
+from ..scene.model import Scene
+from . import compat, render, settings
+
+# A user's scene keeps its own settings but for these. Rounds are independent and equally long, hence no adaptive sampling and no
+# time limit; denoising, stamps and dither are no light, and the picture is that of the scene's camera.
+ROUND_SETTINGS = {
+    CYCLES: {"cycles.use_adaptive_sampling": False, "cycles.use_denoising": False, "cycles.time_limit": 0.0,
+             "cycles.use_animated_seed": False, "cycles.sampling_pattern": "TABULATED_SOBOL"},
+    EEVEE: {},
+}
+PICTURE_SETTINGS = {"render.use_sequencer": False, "render.use_stamp": False, "render.dither_intensity": 0.0,
+                    "render.use_multiview": False}
+
+
+@dataclass
+class Stage:
+    """One Blender scene, or three in grey for the channels, and how to render them."""
+
+    engine: str
+    scenes: list[bpy.types.Scene]
+    first_included: bool = False  # see plan.rules.sample_settings
+    quiet: bool = True
+    interrupted: str = render.INTERRUPTED  # said on Ctrl-C
+    decisions: list[Decision] = field(default_factory=list)
+
+    def shoot(self, width: int, height: int, samples: int, seed: int = 0) -> np.ndarray:
+        """An image (height, width, 3), float64. Raises RenderError."""
+        parts = []
+        for scene in self.scenes:
+            settings.apply(scene, sample_settings(self.engine, samples, self.first_included))
+            parts.append(render.render_built(scene, width, height, seed=seed, quiet=self.quiet, interrupted=self.interrupted)[0])
+        return render.together(parts)
+
+
+@contextmanager
+def of_preset(preset: Preset, scene: Scene, engine: str, seed: int = 0, quiet: bool = True) -> Iterator[Stage]:
+    """A preset's stage, as ``verify.scene_of`` makes its Scene; removed at the end."""
+    bodies = assemble.bodies(preset.family, preset.parameters, scene.volumes)
+    with render.staged(scene, bodies, preset.label, engine, 1, seed=seed) as (plan, built):
+        yield Stage(engine, built, plan.compositor_fog, quiet, decisions=plan.decisions)
+
+
+@contextmanager
+def of_scene(scene: bpy.types.Scene, engine: str, quiet: bool = True, changes: Mapping[str, Any] | None = None,
+             prepare: Callable[[bpy.types.Scene], None] | None = None) -> Iterator[Stage]:
+    """A user's scene as its file has it, but for what rounds need; its settings come back at the end.
+
+    ``changes``: settings by path over its own. ``prepare`` is called with the scene before that, to apply a plan.
+    Raises ValueError without a camera.
+    """
+    if scene.camera is None:
+        raise ValueError(f"scene {scene.name!r} has no camera; add one and make it the active camera")
+    if prepare:
+        prepare(scene)
+    wanted = {"render.engine": "CYCLES" if engine == CYCLES else compat.current().eevee, **PICTURE_SETTINGS,
+              **ROUND_SETTINGS[engine], **(changes or {})}
+    samples = sample_settings(engine, 1)
+    kept = {path: settings.get(scene, path) for path in (
+        *samples, "cycles.seed", "render.filepath", "render.use_file_extension", "render.resolution_x", "render.resolution_y",
+        "render.resolution_percentage")}
+    image = scene.render.image_settings
+    image_before = [(name, getattr(image, name)) for name, _ in compat.current().exr_settings] + [
+        (name, getattr(image, name)) for name in ("color_mode", "color_depth", "exr_codec", "color_management")]
+    layers = [(layer, layer.samples) for layer in scene.view_layers]
+    tree = compat.present_compositing_tree(scene)
+    files = [(node, node.mute) for node in tree.nodes if node.bl_idname == "CompositorNodeOutputFile"] if tree else []
+    before = settings.apply(scene, wanted)
+    decisions = [Decision("rounds", what, "the error is measured from renders that are independent and equally long")
+                 for path, what in (("cycles.use_adaptive_sampling", "adaptive sampling off"),
+                                    ("cycles.use_denoising", "denoising off"))
+                 if engine == CYCLES and before[path]]
+    try:
+        image.color_management = "FOLLOW_SCENE"
+        for layer, _ in layers:
+            layer.samples = 0  # it would count instead of the scene's
+        for node, _ in files:
+            node.mute = True  # unfinished pictures are not the user's
+        yield Stage(engine, [scene], quiet=quiet, decisions=decisions)
+    finally:
+        for layer, count in layers:
+            layer.samples = count
+        for node, mute in files:
+            node.mute = mute
+        settings.restore(scene, kept)
+        settings.restore(scene, before)
+        for name, value in image_before:
+            setattr(image, name, value)
+
+
+def open_file(path: Path, frame: int | None = None, quiet: bool = True) -> bpy.types.Scene:
+    """The active scene of a .blend file, at its current frame or this one; no script in the file is run.
+
+    Raises ValueError for a file that this Blender cannot open.
+    """
+    try:
+        with render.silenced(quiet):
+            bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise ValueError(f"{path} cannot be opened: {str(error).strip()}; is it a .blend file of this Blender or an older "
+                         "one?") from None
+    scene = bpy.context.scene
+    if frame is not None:
+        scene.frame_set(frame)
+    return scene
+
+
+def engine_of(scene: bpy.types.Scene) -> str:
+    """The engine that the scene is made for. Raises ValueError for one without samples."""
+    known = {"CYCLES": CYCLES, compat.current().eevee: EEVEE}
+    if scene.render.engine not in known:
+        raise ValueError(f"the scene's engine is {scene.render.engine}, which has no samples; choose --engine cycles or eevee")
+    return known[scene.render.engine]
+
+
+def size_of(scene: bpy.types.Scene, size: int | None = None) -> tuple[int, int]:
+    """Width and height of the scene's pictures, or of ones of its shape whose longer side is ``size``."""
+    render_settings = scene.render
+    width, height = (max(1, round(side * render_settings.resolution_percentage / 100.0))
+                     for side in (render_settings.resolution_x, render_settings.resolution_y))
+    return (width, height) if size is None else scaled_size(width, height, size)
+
+
+def scaled_size(width: int, height: int, size: int) -> tuple[int, int]:
+    """The shape with ``size`` pixels along its longer side."""
+    longer = max(width, height)
+    return max(1, round(width * size / longer)), max(1, round(height * size / longer))
