@@ -155,7 +155,8 @@ def climb(bench: Bench, ways: list[Way], truth: np.ndarray, wanted: float, limit
             error = rms(np.stack(pictures), mean, variance)
             way.ladder.append(Rung(samples, float(np.median(cpu)), float(np.median(wall)), error))
             done = bench.engine == CYCLES and way.ladder[-1].error <= wanted and len(way.ladder) > 1
-            if done or way.ladder[-1].cpu - way.ladder[0].cpu > limit:  # what is fixed has to be paid at any error
+            slow = way.ladder[-1].cpu - way.ladder[0].cpu > limit  # what is fixed has to be paid at any error
+            if done or slow and (bench.engine == CYCLES or samples >= STOCK_EEVEE_SAMPLES):
                 climbing.remove(way)
         samples *= 4
 
@@ -163,7 +164,7 @@ def climb(bench: Bench, ways: list[Way], truth: np.ndarray, wanted: float, limit
 def row(bench: Bench, way: Way, stock: Way, bias: tuple[float, float, float], wanted: float, rules: str) -> dict:
     """What the ladders say of one way against stock."""
     if bench.engine == EEVEE:
-        start = next((rung for rung in stock.ladder if rung.samples == STOCK_EEVEE_SAMPLES), stock.ladder[-1])
+        start = next(rung for rung in stock.ladder if rung.samples == STOCK_EEVEE_SAMPLES)
         error = start.error
         first = [soonest(one.ladder, error) for one in (stock, way)]
         cpu, wall = [rung.cpu for rung in first], [rung.wall for rung in first]
@@ -267,6 +268,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("bench/plan.csv"))
     parser.add_argument("--table", type=Path, help="write the planned rows as markdown")
     arguments = parser.parse_args()
+    if arguments.converged < STOCK_EEVEE_SAMPLES:
+        parser.error(f"--converged must be >= {STOCK_EEVEE_SAMPLES}, the samples that EEVEE starts with, got {arguments.converged}")
     rows = []
     for name in arguments.scenes:
         most = MOST_SAMPLES if arguments.engine == CYCLES else arguments.converged
