@@ -15,7 +15,7 @@ FILES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*
 BLENDER = {"bpy", "bmesh", "mathutils", "blf", "imbuf", "gpu", "bpy_extras", "bl_math"}
 NUMERIC = {"numpy", "numba"}
 HEADLESS = {"bench/chart.py": {"matplotlib"}}  # inside functions only, and never in Blender
-BLENDER_ROOMS = ("blender/", "ui/")
+BLENDER_ROOMS = ("blender/", "ui/", "bench/usual.py")
 BLENDER_IN_FUNCTIONS = ("cli/", "verify.py")
 # What the panel, the command line and a test without Blender load.
 STANDARD_ONLY = ("__init__.py", "parameters/", "plan/", "cli/", "scene/__init__.py", "scene/model.py", "scene/assemble.py", "scene/families/",

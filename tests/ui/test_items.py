@@ -106,6 +106,18 @@ def test_removing_restores_the_file(name, scene):
     assert file_state(scene) == before
 
 
+@pytest.mark.parametrize("family", FAMILIES)
+def test_adding_and_removing_many_times_leaves_no_datablock(family, scene):
+    kinds = [p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION"]
+    assert len(kinds) > 30
+    before = {kind: len(getattr(bpy.data, kind)) for kind in kinds}
+    for _ in range(12):
+        item = items.add_item(scene, family, FAMILIES[family].defaults(), family)
+        assert len(bpy.data.materials) > before["materials"]
+        items.remove_item(scene, item)
+    assert {kind: len(getattr(bpy.data, kind)) for kind in kinds} == before
+
+
 PAIRS = [("cumulus", "emerald-sphere"), ("emerald-sphere", "cumulus"), ("morning-valley", "theatre-slats"),
          ("cumulus", "cumulus"), ("tea-glass", "ember-smoke")]
 

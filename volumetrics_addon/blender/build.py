@@ -6,19 +6,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
 from ..plan import rules
 from ..plan.model import CYCLES, Plan
 from ..reference import depth_air
-from ..reference.light_grid import LightGrid
 from ..scene import units
 from ..scene.body import Body
 from ..scene.model import Box, Cone, Ellipsoid, Grid, Hull, Light, Projector, Scene, Shape, Sun
 from . import compat, compositing, fields, grid, groups, light, objects, projector, settings
 from .nodes import Tree, socket_of
+
+if TYPE_CHECKING:  # importing path tracing takes longer than adding most presets
+    from ..reference.light_grid import LightGrid
 
 _COLLECTIONS = ("objects", "meshes", "lights", "cameras", "materials", "node_groups", "worlds", "scenes", "collections", "images")
 

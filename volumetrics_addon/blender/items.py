@@ -20,7 +20,6 @@ from ..parameters.families import FAMILIES
 from ..parameters.model import decimal
 from ..plan.model import CYCLES, EEVEE
 from ..plan.rules import eevee_lights, is_baked, light_resolution, participation, plan
-from ..reference import light_grid
 from ..scene import assemble
 from ..scene.bake import voxelized
 from ..scene.body import Body
@@ -301,6 +300,8 @@ def bake_light(scene: bpy.types.Scene, item: bpy.types.Collection, *, samples: i
     cast no shadow into it. An earlier bake is replaced. Returns warnings about what was left out. Raises ValueError where the
     item is no cloud or its domain was turned or scaled, and where the scene has no camera; then nothing has changed.
     """
+    from ..reference import light_grid  # path tracing, which nothing else here needs
+
     mine = record(item)
     if not can_bake_light(item):
         raise ValueError(f"{item.name} has no light to bake: only clouds with their own material have; add a cloud")

@@ -13,14 +13,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 
-from ..reference.light_grid import LightGrid
 from ..scene.model import Vector, subtract
 from . import images
 from .nodes import Tree, socket_of
+
+if TYPE_CHECKING:
+    from ..reference.light_grid import LightGrid
 
 
 @dataclass(frozen=True)

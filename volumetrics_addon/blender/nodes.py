@@ -25,7 +25,8 @@ class Tree:
         """A new node with properties and inputs set; inputs are addressed by identifier or index, never by label."""
         node = self.tree.nodes.new(kind)
         for name, value in properties.items():
-            setattr(node, name, value)
+            if getattr(node, name) != value:  # Blender goes through the whole tree after every assignment
+                setattr(node, name, value)
         for key, value in (inputs or {}).items():
             self.feed(socket_of(node.inputs, key), value)
         return node
@@ -117,17 +118,19 @@ def prune(tree: bpy.types.NodeTree) -> None:
 
 def arrange(tree: bpy.types.NodeTree, step: tuple[float, float] = (200.0, 170.0)) -> None:
     """Place nodes in columns by their distance to the outputs, so that a reader of the tree can follow it."""
-    rank = {node: 0 for node in tree.nodes}
-    for _ in range(len(tree.nodes)):
+    index = {node: i for i, node in enumerate(tree.nodes)}
+    links = [(index[link.from_node], index[link.to_node]) for link in tree.links]
+    rank = [0] * len(index)
+    for _ in index:
         moved = False
-        for link in tree.links:
-            if rank[link.from_node] < rank[link.to_node] + 1:
-                rank[link.from_node] = rank[link.to_node] + 1
+        for start, end in links:
+            if rank[start] <= rank[end]:
+                rank[start] = rank[end] + 1
                 moved = True
         if not moved:
             break
     filled: dict[int, int] = {}
-    for node in tree.nodes:
-        row = filled.get(rank[node], 0)
-        filled[rank[node]] = row + 1
-        node.location = (-step[0] * rank[node], -step[1] * row)
+    for node, column in zip(index, rank):
+        row = filled.get(column, 0)
+        filled[column] = row + 1
+        node.location = (-step[0] * column, -step[1] * row)

@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import lru_cache
 
 import bmesh
 import bpy
+import numpy as np
 from mathutils import Matrix, Vector
 
 from ..scene.model import (
@@ -38,6 +41,11 @@ def mesh(shape: Shape, name: str, eye: tuple[float, float, float] | None = None)
     if eye is not None and isinstance(shape, Ellipsoid) and is_ground(shape, eye):
         return rings(shape, eye, name)
     data = bpy.data.meshes.new(name)
+    if isinstance(shape, Ellipsoid):
+        # The facets lie inside the sphere; equal volume makes the mean chord right.
+        vertices, triangles, swell = _unit_sphere_mesh()
+        _fill(data, vertices * np.array(shape.half, np.float32) * np.float32(swell), [triangles])
+        return data, placement(shape)
     build = bmesh.new()
     match shape:
         case Box():
@@ -52,13 +60,6 @@ def mesh(shape: Shape, name: str, eye: tuple[float, float, float] | None = None)
                 build.faces.new(corners)
             else:
                 bmesh.ops.create_cube(build, size=2.0, matrix=Matrix.Diagonal((*shape.half, 1.0)))
-        case Ellipsoid():
-            bmesh.ops.create_icosphere(build, subdivisions=SPHERE_SUBDIVISIONS, radius=1.0)
-            # The facets lie inside the sphere; equal volume makes the mean chord right.
-            swell = (4.0 * math.pi / 3.0 / build.calc_volume()) ** (1.0 / 3.0)
-            bmesh.ops.scale(build, vec=Vector(shape.half) * swell, verts=build.verts)
-            for face in build.faces:
-                face.smooth = True
         case Cone():
             radius = shape.length * math.tan(shape.half_angle)
             tip = build.verts.new((0.0, 0.0, 0.0))
@@ -111,25 +112,55 @@ def rings(shape: Ellipsoid, eye: tuple[float, float, float], name: str) -> tuple
     while angles[-1] * (1.0 + RING_GROWTH) < math.pi:
         angles.append(angles[-1] * (1.0 + RING_GROWTH))
 
-    def vertex(angle: float, turn: float) -> tuple[float, float, float]:
-        across, drop = math.sin(angle), -2.0 * math.sin(angle / 2.0) ** 2
-        c, s = across * math.cos(turn), across * math.sin(turn)
-        return tuple(half * (c * e + s * n + drop * p) for half, e, n, p in zip(shape.half, east, north, pole))
-
+    angle = np.array(angles)[:, None]
     sides = math.ceil(2.0 * math.pi / RING_GROWTH)
-    turns = [2.0 * math.pi * i / sides for i in range(sides)]
-    vertices = [(0.0, 0.0, 0.0), *(vertex(angle, turn) for angle in angles for turn in turns), vertex(math.pi, 0.0)]
-    pairs = [(i, (i + 1) % sides) for i in range(sides)]
+    turn = 2.0 * math.pi * np.arange(sides) / sides
+    across, drop = np.sin(angle), np.broadcast_to(-2.0 * np.sin(angle / 2.0) ** 2, (len(angles), sides))
+    points = sum(np.multiply.outer(part, axis) for part, axis in (
+        (across * np.cos(turn), east), (across * np.sin(turn), north), (drop, pole)))
+    far = -2.0 * np.array(pole)  # opposite the pole
+    vertices = np.concatenate([np.zeros((1, 3)), points.reshape(-1, 3), far[None]]) * shape.half
+
+    i = np.arange(sides)
+    j = (i + 1) % sides
     first, last, end = 1, 1 + sides * (len(angles) - 1), len(vertices) - 1
-    faces = [(0, first + i, first + j) for i, j in pairs]
-    faces += [(low + i, low + sides + i, low + sides + j, low + j) for low in range(first, last, sides) for i, j in pairs]
-    faces += [(last + i, end, last + j) for i, j in pairs]
+    low = np.arange(first, last, sides)[:, None]
+    quads = np.stack([low + i, low + sides + i, low + sides + j, low + j], axis=-1)
     data = bpy.data.meshes.new(name)
-    data.from_pydata(vertices, [], faces)
-    data.polygons.foreach_set("use_smooth", [True] * len(faces))
-    data.update()
+    _fill(data, vertices, [np.stack([np.zeros_like(i), first + i, first + j], axis=-1), quads.reshape(-1, 4),
+                           np.stack([last + i, np.full_like(i, end), last + j], axis=-1)])
     origin = add(shape.center, tuple(sum(p * h * axis[i] for p, h, axis in zip(pole, shape.half, shape.axes)) for i in range(3)))
     return data, _frame(shape.axes, origin)
+
+
+def _fill(data: bpy.types.Mesh, vertices: np.ndarray, faces: Sequence[np.ndarray]) -> None:
+    """Give an empty mesh its vertices (n, 3) and smooth faces: arrays of as many corners each."""
+    data.vertices.add(len(vertices))
+    data.vertices.foreach_set("co", np.asarray(vertices, np.float32).ravel())
+    corners = np.concatenate([array.ravel() for array in faces]).astype(np.int32)
+    sides = np.concatenate([np.full(len(array), array.shape[1]) for array in faces])
+    data.loops.add(len(corners))
+    data.loops.foreach_set("vertex_index", corners)
+    data.polygons.add(len(sides))
+    data.polygons.foreach_set("loop_start", (np.cumsum(sides) - sides).astype(np.int32))
+    data.polygons.foreach_set("use_smooth", np.ones(len(sides), bool))
+    data.update(calc_edges=True)
+
+
+@lru_cache(maxsize=1)
+def _unit_sphere_mesh() -> tuple[np.ndarray, np.ndarray, float]:
+    """Vertices (n, 3) and triangles of a subdivided icosahedron, and the factor that gives it the volume of the unit ball."""
+    build = bmesh.new()
+    bmesh.ops.create_icosphere(build, subdivisions=SPHERE_SUBDIVISIONS, radius=1.0)
+    swell = (4.0 * math.pi / 3.0 / build.calc_volume()) ** (1.0 / 3.0)
+    data = bpy.data.meshes.new("sphere")
+    build.to_mesh(data)
+    build.free()
+    vertices, triangles = np.empty(3 * len(data.vertices), np.float32), np.empty(len(data.loops), np.int32)
+    data.vertices.foreach_get("co", vertices)
+    data.loops.foreach_get("vertex_index", triangles)
+    bpy.data.meshes.remove(data)
+    return vertices.reshape(-1, 3), triangles.reshape(-1, 3), swell
 
 
 def add_cavity(data: bpy.types.Mesh, cavity: Ellipsoid) -> None:

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Stock settings against planned ones: seconds at equal error for scenes the way users make them, side by side in one run.
+
+    python scripts/bench_plan.py [SCENE ...] [--engine cycles|eevee] [--size 48] [--repeats 3] [--error 0.03] [--limit 20]
+        [--truth 120] [--converged 256] [--alone] [--only RULES] [--without RULES] [--out bench/plan.csv] [--table FILE]
+
+Stock: the scene's own settings, Blender's start-up ones plus what its tutorial sets. Planned: the same scene after the planner.
+Denoising is off for both, since it hides the noise that is compared; samples climb a ladder by fours, stock and planned taking
+turns, until the wanted error is reached or the samples take longer than the limit. Seconds are those of all processors (other
+work on the machine changes them little) and of the clock, of the picture alone; planning is timed by scripts/bench_tool.py.
+
+The truth is the stock picture converged, several seeds, adaptive sampling off, kept beside the CSV under a digest. The error is
+the relative RMSE against it, less its own variance. Both ladders are read at the wanted error or the nearest that both pass. The
+bias is the mean of the converged planned picture over that of the converged stock one, with its 95 % interval.
+
+EEVEE is off from Cycles by more than its noise, and more samples do not help. Its error is against Cycles' converged stock
+picture, its bias against its own; both ways are read at the first rung that is as good as stock with the samples that it starts
+with, and the gain over those is given too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import hashlib
+import inspect
+import sys
+import time
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import bpy  # noqa: E402
+
+from volumetrics_addon.bench import usual  # noqa: E402
+from volumetrics_addon.bench.equal_error import (  # noqa: E402
+    Rung, at_error, common_error, geometric_mean, rms, seconds_at_size, soonest,
+)
+from volumetrics_addon.blender import compat, render, tuning  # noqa: E402
+from volumetrics_addon.compare.statistics import Estimate, compare  # noqa: E402
+from volumetrics_addon.plan import tuning as tuned  # noqa: E402
+from volumetrics_addon.plan.model import CYCLES, EEVEE  # noqa: E402
+
+FULL_HD = 1920 * 1080
+STOCK_EEVEE_SAMPLES = 64
+MOST_SAMPLES = 16384
+LONG = 3.0  # processor seconds of a picture that is taken once
+
+
+@dataclass
+class Way:
+    """Stock, planned, or one rule of the plan alone."""
+
+    name: str
+    rules: tuple[str, ...] | None  # None: all
+    ladder: list[Rung] = field(default_factory=list)
+
+
+class Bench:
+    """One scene in one engine: builds it, applies ways, takes pictures."""
+
+    def __init__(self, scene: usual.UsualScene, engine: str, size: int, without: tuple[str, ...], most: int):
+        self.usual, self.engine, self.without, self.most = scene, engine, without, most
+        self.width, self.height = size, max(1, round(size * 9 / 16))
+        self.built: bpy.types.Scene | None = None
+
+    def plan(self) -> list:
+        return tuning.plan(self.build(), without=self.without)
+
+    def build(self) -> bpy.types.Scene:
+        scene = self.usual.build()
+        scene.render.engine = "CYCLES" if self.engine == CYCLES else compat.current().eevee
+        return scene
+
+    @contextmanager
+    def dressed(self, way: Way):
+        """The scene with the way's settings. EEVEE keeps one scene, whose shaders are compiled once."""
+        if self.built is None or self.engine == CYCLES:
+            self.built = self.build()
+        scene = self.built
+        if way.rules == ():
+            yield scene
+            return
+        advice = tuning.plan(scene, without=self.without)
+        tuning.apply(scene, [one for one in advice if way.rules is None or one.rule.name in way.rules])
+        yield scene
+        tuning.restore(scene)
+
+    def shoot(self, way: Way, samples: int, seed: int = 0, converged: bool = False) -> tuple[np.ndarray, float, float]:
+        """The picture, all frames below each other; seconds of all processors and of the clock."""
+        with self.dressed(way) as scene:
+            scene.cycles.samples, scene.cycles.use_denoising = samples, False
+            scene.eevee.taa_render_samples = samples
+            if converged:
+                scene.cycles.use_adaptive_sampling = False
+                scene.render.use_persistent_data = False
+            cpu, wall = time.process_time(), time.perf_counter()
+            frames = []
+            for frame in self.usual.frames:
+                if len(self.usual.frames) > 1:
+                    scene.frame_set(frame)
+                frames.append(render.render_built(scene, self.width, self.height, seed=seed)[0])
+            seconds = time.process_time() - cpu, time.perf_counter() - wall
+        return np.concatenate(frames), *seconds
+
+    def converged(self, way: Way, budget: float) -> np.ndarray:
+        """Pictures (k, ...) of consecutive seeds that take about the budget of processor seconds together."""
+        if self.engine == EEVEE:
+            self.shoot(way, 1)  # compiles
+            return self.shoot(way, self.most, converged=True)[0][None]
+        _, few, _ = self.shoot(way, 1, 1000, converged=True)
+        _, more, _ = self.shoot(way, 33, 1000, converged=True)
+        each = max((more - few) / 32, 1e-6)
+        repeats = 8 if few < 0.02 * budget else 4
+        samples = int(np.clip((budget / repeats - few) / each, 128, 65536))
+        return np.stack([self.shoot(way, samples, 1001 + seed, converged=True)[0] for seed in range(repeats)])
+
+    def truth(self, budget: float, folder: Path) -> np.ndarray:
+        """The converged stock pictures, from their file or rendered and kept there."""
+        source = inspect.getsource(usual).partition("# --- the scenes")[0] + inspect.getsource(self.usual.fill)
+        digest = hashlib.sha256(repr((source, self.usual.frames, bpy.app.version_string, self.engine, self.width, self.height,
+                                      budget if self.engine == CYCLES else self.most)).encode()).hexdigest()[:12]
+        path = folder / f"{self.engine}-{self.usual.name}-{digest}.npz"
+        if path.exists():
+            with np.load(path) as stored:
+                return stored["pictures"].astype(np.float64)
+        pictures = self.converged(Way("stock", ()), budget)
+        folder.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(f".{path.name}.partial.npz")
+        np.savez_compressed(partial, pictures=pictures.astype(np.float32))
+        partial.replace(path)
+        return pictures
+
+
+def climb(bench: Bench, ways: list[Way], truth: np.ndarray, wanted: float, limit: float, repeats: int, first: int) -> None:
+    """Fill the ladders, the ways taking turns; each stops at the wanted error, the limit, or the most samples."""
+    mean, variance = truth.mean(axis=0), truth.var(axis=0, ddof=1) / len(truth) if len(truth) > 1 else np.zeros_like(truth[0])
+    if bench.engine == EEVEE:
+        for way in ways:
+            bench.shoot(way, 1)  # compiles
+    samples, climbing = first, list(ways)
+    while climbing and samples <= bench.most:
+        shots: dict[str, list] = {way.name: [] for way in climbing}
+        for repeat in range(repeats if bench.engine == CYCLES or samples < 64 else 1):
+            for way in climbing:
+                if repeat == 0 or shots[way.name][0][1] < LONG:
+                    shots[way.name].append(bench.shoot(way, samples, repeat))
+        for way in list(climbing):
+            pictures, cpu, wall = zip(*shots[way.name])
+            error = rms(np.stack(pictures), mean, variance)
+            way.ladder.append(Rung(samples, float(np.median(cpu)), float(np.median(wall)), error))
+            done = bench.engine == CYCLES and way.ladder[-1].error <= wanted and len(way.ladder) > 1
+            slow = way.ladder[-1].cpu - way.ladder[0].cpu > limit  # what is fixed has to be paid at any error
+            if done or slow and (bench.engine == CYCLES or samples >= STOCK_EEVEE_SAMPLES):
+                climbing.remove(way)
+        samples *= 4
+
+
+def row(bench: Bench, way: Way, stock: Way, bias: tuple[float, float, float], wanted: float, rules: str) -> dict:
+    """What the ladders say of one way against stock."""
+    if bench.engine == EEVEE:
+        start = next(rung for rung in stock.ladder if rung.samples == STOCK_EEVEE_SAMPLES)
+        error = start.error
+        first = [soonest(one.ladder, error) for one in (stock, way)]
+        cpu, wall = [rung.cpu for rung in first], [rung.wall for rung in first]
+    else:
+        error = common_error([way.ladder, stock.ladder], wanted)
+        cpu, wall = ([at_error(one.ladder, error, what) for one in (stock, way)] for what in ("cpu", "wall"))
+    result = {
+        "scene": bench.usual.name, "engine": bench.engine, "version": bpy.app.version_string, "way": way.name,
+        "error": error, "stock_cpu": cpu[0], "cpu": cpu[1], "gain": cpu[0] / cpu[1], "gain_wall": wall[0] / wall[1],
+        "gain_hd": 0.0, "gain_start": 0.0, "bias": bias[0], "bias_low": bias[1], "bias_high": bias[2], "rules": rules}
+    if bench.engine == EEVEE:
+        result["gain_start"] = start.cpu / cpu[1]
+    else:
+        pixels = FULL_HD / (bench.width * bench.height)
+        result["gain_hd"] = seconds_at_size(stock.ladder, error, pixels) / seconds_at_size(way.ladder, error, pixels)
+    return result
+
+
+def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
+    plan = bench.plan()
+    rules = list(dict.fromkeys(one.rule.name for one in plan))
+    say(f"## {bench.usual.name}, {bench.engine}, Blender {bpy.app.version_string}: {', '.join(rules) or 'nothing to plan'}")
+    for one in plan:
+        say(f"   {one.rule.name}: {one.reason} ({tuned.figures(one, bench.engine)})")
+    stock, others = Way("stock", ()), [Way("planned", arguments.only)]
+    if arguments.alone:
+        others += [Way(rule, (rule,)) for rule in rules]
+    own = bench.truth(arguments.truth, arguments.out.parent / "truth")
+    truth = own
+    if bench.engine == EEVEE:
+        cycles = Bench(bench.usual, CYCLES, arguments.size, (), MOST_SAMPLES)
+        truth = cycles.truth(arguments.truth, arguments.out.parent / "truth")
+        bench.built = None  # that file is closed
+    biases = {}
+    for way in others:
+        pictures = bench.converged(way, arguments.truth / (2.0 if bench.engine == CYCLES else 1.0))
+        if len(pictures) == 1:
+            share = float(pictures.mean() / own.mean() - 1.0)
+            biases[way.name] = share, share, share
+        else:
+            compared = compare(Estimate.from_repeats(pictures), Estimate.from_repeats(own))
+            biases[way.name] = (compared.mean_relative_error, *compared.mean_relative_interval)
+    climb(bench, [stock, *others], truth, arguments.error, arguments.limit, arguments.repeats, 4 if bench.engine == CYCLES else 1)
+    for way in (stock, *others):
+        for rung in way.ladder:
+            say(f"   {way.name:<16} {rung.samples:6} samples  {rung.cpu:8.2f} s of processors  {rung.wall:8.2f} s  "
+                f"error {rung.error:.4f}")
+    rows = []
+    for way in others:
+        try:
+            applied = ", ".join(rules) if way.rules is None else way.name
+            rows.append(row(bench, way, stock, biases[way.name], arguments.error, applied))
+        except ValueError as error:
+            say(f"   {way.name}: {error}; mean {biases[way.name][0]:+.2%}")
+    for found in rows:
+        say(f"   => {found['way']:<16} gain {found['gain']:7.2f} (clock {found['gain_wall']:.2f}, "
+            f"full HD {found['gain_hd']:.2f}, "
+            f"start-up samples {found['gain_start']:.2f}) at error {found['error']:.3f}, "
+            f"mean {found['bias']:+.3%} [{found['bias_low']:+.3%}, {found['bias_high']:+.3%}]")
+    return rows
+
+
+def table(rows: list[dict]) -> str:
+    """Markdown: a line for each scene, losers too, and the geometric means."""
+    eevee = rows[0]["engine"] == EEVEE
+    lines = ["| scene | at error | stock | planned | gain | on the clock | "
+             f"{'of 64 samples' if eevee else 'at 1920 x 1080'} | mean | 95 % interval | rules |",
+             "|---|---:|---:|---:|---:|---:|---:|---:|---|---|"]
+    last = "gain_start" if eevee else "gain_hd"
+    for found in rows:
+        lines.append(f"| {found['scene']} | {found['error']:.1%} | {found['stock_cpu']:.2f} s | {found['cpu']:.2f} s | "
+                     f"{found['gain']:.1f} | "
+                     f"{found['gain_wall']:.1f} | {found[last]:.1f} | {found['bias']:+.2%} | {found['bias_low']:+.2%} to "
+                     f"{found['bias_high']:+.2%} | {found['rules']} |")
+    means = [geometric_mean([found[name] for found in rows]) for name in ("gain", "gain_wall", last)]
+    lines.append(f"| geometric mean | | | | **{means[0]:.1f}** | {means[1]:.1f} | {means[2]:.1f} | | | |")
+    return "\n".join(lines) + "\n"
+
+
+def say(text: str) -> None:
+    print(text, flush=True)
+
+
+def words(text: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scenes", nargs="*", default=[scene.name for scene in usual.SCENES], metavar="SCENE")
+    parser.add_argument("--engine", choices=(CYCLES, EEVEE), default=CYCLES)
+    parser.add_argument("--size", type=int, default=48, help="width of the pictures in pixels")
+    parser.add_argument("--repeats", type=int, default=3, help="pictures of each sample count")
+    parser.add_argument("--error", type=float, default=0.03, help="relative RMSE at which the ladders are read if both pass it")
+    parser.add_argument("--limit", type=float, default=20.0, help="processor seconds of the samples at which a ladder ends")
+    parser.add_argument("--truth", type=float, default=120.0, help="processor seconds of a truth")
+    parser.add_argument("--converged", type=int, default=256, help="samples of EEVEE's converged picture")
+    parser.add_argument("--alone", action="store_true", help="measure each rule of the plan by itself too")
+    parser.add_argument("--only", type=words, help="apply only these rules")
+    parser.add_argument("--without", type=words, default=(), help="plan without these rules")
+    parser.add_argument("--out", type=Path, default=Path("bench/plan.csv"))
+    parser.add_argument("--table", type=Path, help="write the planned rows as markdown")
+    arguments = parser.parse_args()
+    if arguments.converged < STOCK_EEVEE_SAMPLES:
+        parser.error(f"--converged must be >= {STOCK_EEVEE_SAMPLES}, the samples that EEVEE starts with, got {arguments.converged}")
+    rows = []
+    for name in arguments.scenes:
+        most = MOST_SAMPLES if arguments.engine == CYCLES else arguments.converged
+        rows += measure(Bench(usual.by_name(name), arguments.engine, arguments.size, arguments.without, most), arguments)
+        if rows:
+            arguments.out.parent.mkdir(parents=True, exist_ok=True)
+            with open(arguments.out, "w", newline="", encoding="utf-8") as file:
+                writer = csv.DictWriter(file, list(rows[0]))
+                writer.writeheader()
+                writer.writerows(rows)
+    planned = [found for found in rows if found["way"] == "planned"]
+    if planned:
+        text = table(planned)
+        say(text)
+        if arguments.table:
+            arguments.table.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
