@@ -9,6 +9,9 @@ Denoising is off for both, since it hides the noise that is compared; samples cl
 turns, until the wanted error is reached or the samples take longer than the limit. Seconds are those of all processors (other
 work on the machine changes them little) and of the clock, of the picture alone; planning is timed by scripts/bench_tool.py.
 
+Each picture is planned for its own size and samples; where the rules for 1920 x 1080 pixels are others, these are measured too, and
+the gain at that size is theirs.
+
 The truth is the stock picture converged, several seeds, adaptive sampling off, kept beside the CSV under a digest. The error is
 the relative RMSE against it, less its own variance. Both ladders are read at the wanted error or the nearest that both pass. The
 bias is the mean of the converged planned picture over that of the converged stock one, with its 95 % interval.
@@ -46,7 +49,8 @@ from volumetrics_addon.compare.statistics import Estimate, compare  # noqa: E402
 from volumetrics_addon.plan import tuning as tuned  # noqa: E402
 from volumetrics_addon.plan.model import CYCLES, EEVEE  # noqa: E402
 
-FULL_HD = 1920 * 1080
+FULL_HD, LARGE = 1920 * 1080, "planned for HD"
+USUAL_SAMPLES = 256  # of a pixel, where the rules of a scene are listed
 STOCK_EEVEE_SAMPLES = 64
 MOST_SAMPLES = 16384
 LONG = 3.0  # processor seconds of a picture that is taken once
@@ -58,6 +62,7 @@ class Way:
 
     name: str
     rules: tuple[str, ...] | None  # None: all
+    pixels: int = 0  # of the picture that is planned for; 0: of the one that is rendered
     ladder: list[Rung] = field(default_factory=list)
 
 
@@ -69,8 +74,11 @@ class Bench:
         self.width, self.height = size, max(1, round(size * 9 / 16))
         self.built: bpy.types.Scene | None = None
 
-    def plan(self) -> list:
-        return tuning.plan(self.build(), without=self.without)
+    def plan(self, pixels: int = 0) -> list:
+        return self._plan(self.build(), USUAL_SAMPLES, pixels)
+
+    def _plan(self, scene: bpy.types.Scene, samples: int, pixels: int) -> list:
+        return tuning.plan(scene, without=self.without, paths=(pixels or self.width * self.height) * samples)
 
     def build(self) -> bpy.types.Scene:
         scene = self.usual.build()
@@ -78,7 +86,7 @@ class Bench:
         return scene
 
     @contextmanager
-    def dressed(self, way: Way):
+    def dressed(self, way: Way, samples: int):
         """The scene with the way's settings. EEVEE keeps one scene, whose shaders are compiled once."""
         if self.built is None or self.engine == CYCLES:
             self.built = self.build()
@@ -86,14 +94,14 @@ class Bench:
         if way.rules == ():
             yield scene
             return
-        advice = tuning.plan(scene, without=self.without)
+        advice = self._plan(scene, samples, way.pixels)
         tuning.apply(scene, [one for one in advice if way.rules is None or one.rule.name in way.rules])
         yield scene
         tuning.restore(scene)
 
     def shoot(self, way: Way, samples: int, seed: int = 0, converged: bool = False) -> tuple[np.ndarray, float, float]:
         """The picture, all frames below each other; seconds of all processors and of the clock."""
-        with self.dressed(way) as scene:
+        with self.dressed(way, samples) as scene:
             scene.cycles.samples, scene.cycles.use_denoising = samples, False
             scene.eevee.taa_render_samples = samples
             if converged:
@@ -190,6 +198,9 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     for one in plan:
         say(f"   {one.rule.name}: {one.reason} ({tuned.figures(one, bench.engine)})")
     stock, others = Way("stock", ()), [Way("planned", arguments.only)]
+    large = list(dict.fromkeys(one.rule.name for one in bench.plan(FULL_HD)))
+    if bench.engine == CYCLES and large != rules:  # the rules that gain in a small picture are not those of a large one
+        others.append(Way(LARGE, arguments.only, FULL_HD))
     if arguments.alone:
         others += [Way(rule, (rule,)) for rule in rules]
     own = bench.truth(arguments.truth, arguments.out.parent / "truth")
@@ -215,11 +226,15 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     rows = []
     for way in others:
         try:
-            applied = ", ".join(rules) if way.rules is None else way.name
+            applied = ", ".join(large if way.name == LARGE else rules) if way.rules is None else way.name
             rows.append(row(bench, way, stock, biases[way.name], arguments.error, applied))
         except ValueError as error:
             say(f"   {way.name}: {error}; mean {biases[way.name][0]:+.2%}")
+    at_large = next((found["gain_hd"] for found in rows if found["way"] == LARGE), None)
     for found in rows:
+        if at_large is not None and found["way"] == "planned":
+            found["gain_hd"] = at_large
+            found["rules"] += f"; in full HD {', '.join(large) or 'nothing'}"
         say(f"   => {found['way']:<16} gain {found['gain']:7.2f} (clock {found['gain_wall']:.2f}, "
             f"full HD {found['gain_hd']:.2f}, "
             f"start-up samples {found['gain_start']:.2f}) at error {found['error']:.3f}, "

@@ -397,6 +397,17 @@ def lamps_behind_a_wall(scene):
     return "unseen lamps"
 
 
+def smoke_behind_a_wall(scene):
+    """In the frame, but behind a wall that does not fill it; the floor goes on behind it."""
+    cube(scene, volume("haze", inputs={"Density": 0.3}))
+    wall = body(scene, "wall", (-12.0, 12.0, 0.0), 20.0)
+    wall.scale = (1.0, 0.05, 1.0)
+    wall.rotation_euler = (0.0, 0.0, math.radians(45.0))
+    body(scene, "smoke", (-16.0, 16.0, -3.0), 2.0, volume("smoke", density=CLOUDY))
+    scene.view_layers[0].update()
+    return "unseen media"
+
+
 def leftovers(scene):
     cube(scene, volume("haze", inputs={"Density": 0.5}))
     body(scene, "leftover", (0.0, 0.0, 1.0), 3.0, volume("leftover", inputs={"Density": 1e-6}, density=None))
@@ -421,7 +432,7 @@ def noisy(scene):
     return "ray marching"
 
 
-@pytest.mark.parametrize("make", [fog_and_far_lamps, lamps_behind_a_wall, leftovers, off_camera, many_bounces,
+@pytest.mark.parametrize("make", [fog_and_far_lamps, lamps_behind_a_wall, smoke_behind_a_wall, leftovers, off_camera, many_bounces,
                                   pytest.param(noisy, marks=pytest.mark.skipif(not BLENDER_5, reason="marches anyway"))])
 def test_the_mean_of_the_picture_stays(scene, make):
     rule = make(scene)

@@ -341,6 +341,17 @@ def test_a_lamp_is_always_left_and_none_where_nothing_is_lit():
     assert advice(scene(medium(), survey=Survey({"lamp": (0.0, 0, 0)}, 0)), "unseen lamps") is None
 
 
+def test_media_that_no_path_meets_are_left_out_together():
+    hidden, seen = medium("hidden", CLOUD), medium("seen", CLOUD)
+    counts = {"hidden": (8000, 0), "seen": (8000, 1)}
+    found = advice(scene(hidden, seen, survey=Survey({}, 100, counts)), "unseen media")
+    assert changes(found) == {("hidden", "hide_render"): True} and found.bound == pytest.approx(3.0 / 8000.0)
+    both = advice(scene(hidden, seen, survey=Survey({}, 100, {"hidden": (8000, 0), "seen": (8000, 0)})), "unseen media")
+    assert len(both.changes) == 2 and both.bound == pytest.approx(3.0 / 8000.0)  # the same paths
+    assert advice(scene(hidden, survey=Survey({}, 100, {"hidden": (800, 0)})), "unseen media") is None
+    assert advice(scene(hidden, lamps=[lamp(moves=True)], survey=Survey({}, 100, counts)), "unseen media") is None
+
+
 @given(st.integers(0, 2000))
 def test_the_bound_of_a_count_is_not_below_the_exact_one(count):
     """Garwood's upper limit of a Poisson mean: half the 95 % quantile of chi-square with 2 k + 2 degrees of freedom."""

@@ -501,7 +501,10 @@ def _solids(rest: list[bpy.types.Object], view: View, depth: float, room: tuple,
 
 def _survey(blender_scene: bpy.types.Scene, layer: bpy.types.ViewLayer, view: View | None, lamps: list[Lamp], media: list[Medium],
             rest: list[bpy.types.Object], materials: dict) -> Survey | None:
-    if view is None or view.moves or not FEWEST_LAMPS <= len(lamps) <= MOST_LAMPS or len(rest) > MOST_TRACED:
+    # Media worth leaving out: those whose texture costs before each picture.
+    spare = {medium.name for medium in media if medium.substance.textured and medium.corners and medium.editable and not (
+        medium.moves or medium.has_surface or medium.substance.emits)} if len(media) > 1 else set()
+    if view is None or view.moves or not (FEWEST_LAMPS <= len(lamps) <= MOST_LAMPS or spare) or len(rest) > MOST_TRACED:
         return None
     if any(lamp.moves or not math.isfinite(lamp.power) for lamp in lamps) or any(map(moves, rest)):
         return None
@@ -511,7 +514,8 @@ def _survey(blender_scene: bpy.types.Scene, layer: bpy.types.ViewLayer, view: Vi
     mirrors = any(_reflects(candidate, materials) for candidate in rest)
     points = [corner for candidate in rest for corner in _corners(candidate)]
     points += [corner for medium in media for corner in medium.corners] + [lamp.position for lamp in lamps] + [view.position]
-    return trace.survey(blender_scene, layer, view, lamps, media, opaque, mirrors, 2.0 * visibility.diagonal(points))
+    found = trace.survey(blender_scene, layer, view, lamps, media, opaque, mirrors, 2.0 * visibility.diagonal(points), spare=spare)
+    return found if len(lamps) >= FEWEST_LAMPS else replace(found, lamps={})
 
 
 def _reflects(candidate: bpy.types.Object, materials: dict) -> bool:

@@ -19,6 +19,7 @@ from mathutils import Vector
 from ..plan.observed import Lamp, Medium, Survey, View
 
 PATHS = 384
+MEDIA_PATHS = 8000  # where media may be left out that none of the first has met
 PILOT, TESTS = 12, 6000  # shadow rays of each lamp to begin with, and of the lamps together that seem to give nothing
 BOUNCES = 2
 MOST_PASSED = 32  # faces that let light through, one behind the other
@@ -49,11 +50,17 @@ class Tracer:
 
 
 def survey(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, view: View, lamps: Sequence[Lamp], media: Sequence[Medium],
-           opaque: set[str], mirrors: bool, size: float, seed: int = 0) -> Survey:
-    """The light that each lamp gives to what the view shows. ``size`` is that of the scene, ``mirrors`` whether anything mirrors."""
+           opaque: set[str], mirrors: bool, size: float, seed: int = 0, spare: set[str] = frozenset()) -> Survey:
+    """The light that each lamp gives to what the view shows, and whether paths meet the media named in ``spare``.
+
+    ``size`` is that of the scene, ``mirrors`` whether anything mirrors.
+    """
     rng = np.random.default_rng(seed)
     tracer = Tracer(scene, layer, opaque)
-    places, weights, normals = _places(tracer, view, media, mirrors, size, rng)
+    meetings = _Meetings(tracer, lamps, [medium for medium in media if medium.name in spare], size, rng)
+    places, weights, normals = _places(tracer, view, media, mirrors, size, rng, PATHS, meetings)
+    if meetings.unmet():
+        _places(tracer, view, media, mirrors, size, rng, MEDIA_PATHS, meetings)
     unshaded = np.stack([_irradiance(lamp, places, normals) * weights for lamp in lamps]) if len(places) else np.zeros((len(lamps), 0))
     tests = [[float(light.sum()), 0, 0] for light in unshaded]
     for lamp, light, entry in zip(lamps, unshaded, tests):
@@ -62,26 +69,63 @@ def survey(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, view: View, lamps
     total = sum(tests[index][0] for index in dark)
     for index in dark:
         _test(tracer, lamps[index], unshaded[index], places, size, math.ceil(TESTS * tests[index][0] / total), tests[index], rng)
-    return Survey({lamp.name: tuple(entry) for lamp, entry in zip(lamps, tests)}, len(places))
+    return Survey({lamp.name: tuple(entry) for lamp, entry in zip(lamps, tests)}, len(places), meetings.counts())
 
 
-def _places(tracer: Tracer, view: View, media: Sequence[Medium], mirrors: bool, size: float,
-            rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+class _Meetings:
+    """Counts the paths that meet the boxes of media, on their own way or on that from one of their places to a lamp."""
+
+    def __init__(self, tracer: Tracer, lamps: Sequence[Lamp], media: Sequence[Medium], size: float, rng: np.random.Generator):
+        self.tracer, self.lamps, self.size, self.rng = tracer, lamps, size, rng
+        self.boxes = {medium.name: (np.min(medium.corners, axis=0), np.max(medium.corners, axis=0)) for medium in media}
+        self.met = dict.fromkeys(self.boxes, 0)
+        self.paths = 0
+
+    def unmet(self) -> list[str]:
+        return [name for name, count in self.met.items() if count == 0]
+
+    def counts(self) -> dict[str, tuple[int, int]]:
+        return {name: (self.paths, count) for name, count in self.met.items()}
+
+    def add(self, segments: Sequence[tuple[Vector, Vector, float]], places: Sequence[Vector]) -> None:
+        """A path by its segments (origin, direction, length), and one of its places for a shadow ray."""
+        self.paths += 1
+        waiting = self.unmet()
+        if not waiting:
+            return
+        segments = list(segments)
+        if places and self.lamps:
+            origin = places[int(self.rng.integers(len(places)))]
+            lamp = self.lamps[int(self.rng.integers(len(self.lamps)))]
+            toward, reach = _toward(lamp, origin, self.size, self.rng)
+            if reach > 0.0 and self.tracer.hit(origin, toward, reach * (1.0 - EPSILON)) is None:
+                segments.append((origin, toward, reach))
+        for name in waiting:
+            for origin, direction, length in segments:
+                near, far = _span(self.boxes[name], origin, direction, length)
+                if far > near:
+                    self.met[name] += 1
+                    break
+
+
+def _places(tracer: Tracer, view: View, media: Sequence[Medium], mirrors: bool, size: float, rng: np.random.Generator, paths: int,
+            meetings: _Meetings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points (n, 3) along paths, their weights, and the normals of surfaces there (zero in a medium)."""
     boxes = [(np.min(m.corners, axis=0), np.max(m.corners, axis=0)) if m.corners else None for m in media]
     places, weights, normals = [], [], []
-    columns = max(1, round(math.sqrt(PATHS * (view.high[0] - view.low[0]) / max(view.high[1] - view.low[1], 1e-9))))
-    rows = max(1, round(PATHS / columns))
+    columns = max(1, round(math.sqrt(paths * (view.high[0] - view.low[0]) / max(view.high[1] - view.low[1], 1e-9))))
+    rows = max(1, round(paths / columns))
     for index in range(columns * rows):
         u = (index % columns + rng.random()) / columns
         v = (index // columns + rng.random()) / rows
         x, y = (low + share * (high - low) for low, high, share in zip(view.low, view.high, (u, v)))
         origin = Vector(view.position)
         direction = (Vector(view.point(x, y, 1.0)) - origin).normalized()
-        weight = 1.0
+        weight, segments, first = 1.0, [], len(places)
         for _ in range(BOUNCES + 1):
             found = tracer.hit(origin, direction, size)
             end = found[0] if found else size
+            segments.append((origin, direction, end))
             inside = _inside(boxes, media, origin, direction, end, rng)
             if inside is not None:
                 share, along = inside
@@ -102,6 +146,7 @@ def _places(tracer: Tracer, view: View, media: Sequence[Medium], mirrors: bool, 
             else:
                 break
             weight *= ALBEDO
+        meetings.add(segments, places[first:])
     return np.array(places, float).reshape(-1, 3), np.array(weights), np.array(normals, float).reshape(-1, 3)
 
 
@@ -173,12 +218,16 @@ def _test(tracer: Tracer, lamp: Lamp, light: np.ndarray, places: np.ndarray, siz
     drawn = np.minimum(np.searchsorted(edges, (np.arange(count) + rng.random(count)) / count * edges[-1]), len(places) - 1)
     for index in drawn:
         origin = Vector(places[index])
-        if lamp.kind == "SUN":
-            toward, reach = -Vector(lamp.direction) + math.tan(min(lamp.radius, 1.5)) * rng.random() * _sphere(rng), size
-        else:
-            toward = Vector(lamp.position) + lamp.radius * rng.random() * _sphere(rng) - origin
-            reach = toward.length
-        if reach > 0.0 and tracer.hit(origin, toward.normalized(), reach * (1.0 - EPSILON)) is not None:
+        toward, reach = _toward(lamp, origin, size, rng)
+        if reach > 0.0 and tracer.hit(origin, toward, reach * (1.0 - EPSILON)) is not None:
             continue
         entry[2] += 1
     entry[1] += count
+
+
+def _toward(lamp: Lamp, origin: Vector, size: float, rng: np.random.Generator) -> tuple[Vector, float]:
+    """Direction and distance to a random point of what shines."""
+    if lamp.kind == "SUN":
+        return (-Vector(lamp.direction) + math.tan(min(lamp.radius, 1.5)) * rng.random() * _sphere(rng)).normalized(), size
+    toward = Vector(lamp.position) + lamp.radius * rng.random() * _sphere(rng) - origin
+    return toward.normalized(), toward.length

@@ -40,10 +40,12 @@ RULES = {rule.name: rule for rule in (
          "its optical depth, times the peak of its phase function for its light: relative to a white surface in the same light",
          engines=ENGINES, share=0.05),
     Rule("unseen media",
-         "a medium is outside the picture, between no lamp and anything seen, and nothing seen mirrors or refracts",
+         "a medium is outside the picture, between no lamp and anything seen, and nothing seen mirrors or refracts; or no light path "
+         "from the picture meets it",
          "the medium",
-         "(1 - exp(-optical depth)) of the solid angle in which it is seen from what is in the picture",
-         engines=ENGINES, share=0.05),
+         "(1 - exp(-optical depth)) of the solid angle in which it is seen from what is in the picture; or 3 in as many paths as were "
+         "traced, with 95 % confidence",
+         engines=ENGINES, share=0.3),
     Rule("unseen lamps",
          "there are four lamps or more, nothing moves, and no light path from the picture leads to some of them",
          "the lamps that light nothing in the picture",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ..scene.model import Vector
@@ -117,10 +117,12 @@ class Solids:
 @dataclass(frozen=True)
 class Survey:
     """Of each lamp, over places in the picture and on light paths to it: its unshaded light there, the tests whether something is
-    in the way that were drawn in proportion to it, and how many got through."""
+    in the way that were drawn in proportion to it, and how many got through. Of media that few paths or none came upon: how many
+    paths were traced, and how many met the medium's box, on their way or on that to a lamp."""
 
     lamps: Mapping[str, tuple[float, int, int]]
     places: int
+    media: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -148,6 +148,18 @@ def _hidden(names: Sequence[str]) -> tuple[Change, ...]:
 
 
 def _unseen(scene: Observed, allowed: float) -> Found:
+    """Those that hulls part from the picture, and those that no traced path has met: of n paths 3 / n at most would, all together."""
+    parted = _parted(scene, allowed)
+    names, total = ([change.name for change in parted[0]], parted[2]) if parted else ([], 0.0)
+    met = scene.survey.media if scene.survey and not any(lamp.moves for lamp in scene.lamps) else {}
+    unmet = [name for name, (paths, count) in met.items() if count == 0 and name not in names]
+    if unmet and total + at_most(0) / met[unmet[0]][0] <= allowed:
+        total += at_most(0) / met[unmet[0]][0]
+        names += unmet
+    return (_hidden(names), f"{_listed(names)}: outside the picture, and in the way of no light to it", total) if names else None
+
+
+def _parted(scene: Observed, allowed: float) -> Found:
     view = scene.view
     if view is None or view.moves or scene.has_instances:
         return None
@@ -177,7 +189,7 @@ def _unseen(scene: Observed, allowed: float) -> Found:
             total += bound
     if not names:
         return None
-    return _hidden(names), f"{_listed(names)}: outside the picture, and between no lamp and anything in it", total
+    return _hidden(names), "", total
 
 
 def _in_picture(scene: Observed, corners: Sequence, depth: float) -> bool:
@@ -354,7 +366,7 @@ def _unseen_lamps(scene: Observed, allowed: float) -> Found:
     give at most ``at_most(k)`` / M of their light.
     """
     survey = scene.survey
-    if survey is None or not survey.places:
+    if survey is None or not survey.places or not survey.lamps:
         return None
     free = {lamp.name for lamp in scene.lamps if lamp.editable and not lamp.moves}
     total = sum(light * through / tests for light, tests, through in survey.lamps.values() if tests)
