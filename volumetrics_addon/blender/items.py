@@ -32,6 +32,7 @@ KEY = "volumetrics"
 TAG = "volumetrics_item"
 COMPOSITOR_WOULD_DO = ("Only suns light this scene: added with the realisation Compositor, this fog has no noise and costs a moment, but "
                        "casts no shafts")
+DRAFT_PIXELS = 8
 BAKE_SAMPLES = 32  # paths of each voxel: seconds, also with NumPy alone
 # In the order of use: lights free the collections of what they shadow, which hold objects; those free meshes, and those geometry
 # nodes, which free materials, and those shader nodes.
@@ -200,7 +201,9 @@ def add_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], lab
     if assemble.is_composited(values):
         compositing.check(scene)
     bounds = scene_bounds(scene) if family == "fog" else None
-    item = assemble.ASSEMBLERS[family](values, bounds)
+    # In a user's scene a gobo is nodes; of its picture only counts whether it has colours.
+    draft = {"gobo_resolution": DRAFT_PIXELS} if values.get("gobo", "none") not in ("none", "image") else {}
+    item = assemble.ASSEMBLERS[family]({**values, **draft}, bounds)
     if is_baked(values):
         item.volumes = tuple(voxelized(compat.as_evaluated(volume), values["resolution"]) for volume in item.volumes)
     return place_item(scene, family, values, item, label, orders)

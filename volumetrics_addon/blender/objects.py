@@ -147,6 +147,14 @@ def _fill(data: bpy.types.Mesh, vertices: np.ndarray, faces: Sequence[np.ndarray
     data.update(calc_edges=True)
 
 
+def _triangles(data: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3) and corners (m, 3) of a mesh of triangles."""
+    vertices, corners = np.empty(3 * len(data.vertices), np.float32), np.empty(len(data.loops), np.int32)
+    data.vertices.foreach_get("co", vertices)
+    data.loops.foreach_get("vertex_index", corners)
+    return vertices.reshape(-1, 3), corners.reshape(-1, 3)
+
+
 @lru_cache(maxsize=1)
 def _unit_sphere_mesh() -> tuple[np.ndarray, np.ndarray, float]:
     """Vertices (n, 3) and triangles of a subdivided icosahedron, and the factor that gives it the volume of the unit ball."""
@@ -156,22 +164,17 @@ def _unit_sphere_mesh() -> tuple[np.ndarray, np.ndarray, float]:
     data = bpy.data.meshes.new("sphere")
     build.to_mesh(data)
     build.free()
-    vertices, triangles = np.empty(3 * len(data.vertices), np.float32), np.empty(len(data.loops), np.int32)
-    data.vertices.foreach_get("co", vertices)
-    data.loops.foreach_get("vertex_index", triangles)
+    vertices, triangles = _triangles(data)
     bpy.data.meshes.remove(data)
-    return vertices.reshape(-1, 3), triangles.reshape(-1, 3), swell
+    return vertices, triangles, swell
 
 
 def add_cavity(data: bpy.types.Mesh, cavity: Ellipsoid) -> None:
     """Add the surface of a cavity, whose normals point into it: one mesh then bounds the wall on both sides."""
     inner, _ = mesh(cavity, "cavity")
-    inner.flip_normals()
-    build = bmesh.new()
-    build.from_mesh(data)
-    build.from_mesh(inner)
-    build.to_mesh(data)
-    build.free()
+    (outside, outer_faces), (inside, inner_faces) = map(_triangles, (data, inner))
+    data.clear_geometry()
+    _fill(data, np.concatenate([outside, inside]), [outer_faces, inner_faces[:, ::-1] + len(outside)])
     bpy.data.meshes.remove(inner)
 
 
