@@ -390,7 +390,7 @@ def _unseen_lamps(scene: Observed, allowed: float) -> Found:
             heaviest, counted, bound = max(heaviest, light / tests), counted + through, together
     if not chosen or len(chosen) == len(scene.lamps):
         return None
-    return _hidden(chosen), f"{len(chosen)} of {len(scene.lamps)} lamps light nothing in the picture: {_listed(chosen)}", bound
+    return _hidden(chosen), f"{len(chosen)} of {len(scene.lamps)} lamps give the picture nothing, or next to nothing: {_listed(chosen)}", bound
 
 
 def _idle(scene: Observed, allowed: float) -> Found:
