@@ -50,7 +50,7 @@ from volumetrics_addon.plan import tuning as tuned  # noqa: E402
 from volumetrics_addon.plan.model import CYCLES, EEVEE  # noqa: E402
 
 FULL_HD, LARGE = 1920 * 1080, "planned for HD"
-USUAL_SAMPLES = 256  # of a pixel, where the rules of a scene are listed
+FEWEST_SAMPLES, USUAL_SAMPLES = 4, 256  # of a pixel, for which the rules are listed: of a small picture, and of a large one
 STOCK_EEVEE_SAMPLES = 64
 MOST_SAMPLES = 16384
 LONG = 3.0  # processor seconds of a picture that is taken once
@@ -75,7 +75,7 @@ class Bench:
         self.built: bpy.types.Scene | None = None
 
     def plan(self, pixels: int = 0) -> list:
-        return self._plan(self.build(), USUAL_SAMPLES, pixels)
+        return self._plan(self.build(), USUAL_SAMPLES if pixels else FEWEST_SAMPLES, pixels)
 
     def _plan(self, scene: bpy.types.Scene, samples: int, pixels: int) -> list:
         return tuning.plan(scene, without=self.without, paths=(pixels or self.width * self.height) * samples)
