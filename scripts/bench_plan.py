@@ -29,7 +29,6 @@ import hashlib
 import inspect
 import sys
 import time
-from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path

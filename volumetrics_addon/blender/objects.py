@@ -10,7 +10,7 @@ from functools import lru_cache
 import bmesh
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 from ..scene.model import (
     Box, Camera, Color, Cone, Ellipsoid, Hull, Light, Shape, Sun, Surface, add, look_frame, normalized, scaled, subtract,

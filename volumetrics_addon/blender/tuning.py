@@ -18,7 +18,6 @@ from ..plan.tuning import Advice, Change
 from . import observe, settings
 
 KEY = "volumetrics_plan"
-OWNERS = ("scenes", "objects", "materials", "worlds", "lights")
 EXCLUDES = "excludes"
 
 

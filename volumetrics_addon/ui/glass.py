@@ -6,26 +6,17 @@ from __future__ import annotations
 import bpy
 
 from ..parameters.families import FAMILIES
+from .operators import UndoStep
 from .panels import VOLUMETRICS_PT_main, _field
 from .properties import ICONS, preset_named
 
 
-class _OnMesh:
+class _OnMesh(UndoStep):
     """An operator on the active object."""
-
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return context.mode == "OBJECT"
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            self.act(context)
-        except ValueError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
 
 
 class VOLUMETRICS_OT_glass_apply(_OnMesh, bpy.types.Operator):

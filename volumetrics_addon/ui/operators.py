@@ -1,7 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Add, remove and bake, each one undo step."""
 
+from __future__ import annotations
+
 import bpy
+
+
+class UndoStep:
+    """An operator that acts in one undo step, and tells what it refuses."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            self.act(context)
+        except ValueError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
 
 
 class VOLUMETRICS_OT_add(bpy.types.Operator):

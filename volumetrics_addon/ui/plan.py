@@ -7,6 +7,7 @@ import bpy
 
 from ..plan.catalogue import RULES, TARGET
 from ..plan.model import CYCLES, EEVEE
+from .operators import UndoStep
 from .panels import VOLUMETRICS_PT_main, wrapped
 
 
@@ -43,18 +44,6 @@ def find(context: bpy.types.Context) -> list:
     return advice
 
 
-class _OnScene:
-    bl_options = {"REGISTER", "UNDO"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            self.act(context)
-        except ValueError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
-
-
 class VOLUMETRICS_OT_plan(bpy.types.Operator):
     bl_idname = "volumetrics.plan"
     bl_label = "Find savings"
@@ -66,7 +55,7 @@ class VOLUMETRICS_OT_plan(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class VOLUMETRICS_OT_plan_apply(_OnScene, bpy.types.Operator):
+class VOLUMETRICS_OT_plan_apply(UndoStep, bpy.types.Operator):
     bl_idname = "volumetrics.plan_apply"
     bl_label = "Apply"
     bl_description = "Change the render settings and lamps as the rules say that are switched on; materials stay as they are"
@@ -84,7 +73,7 @@ class VOLUMETRICS_OT_plan_apply(_OnScene, bpy.types.Operator):
         of_scene.apply(context.scene, advice)
 
 
-class VOLUMETRICS_OT_plan_restore(_OnScene, bpy.types.Operator):
+class VOLUMETRICS_OT_plan_restore(UndoStep, bpy.types.Operator):
     bl_idname = "volumetrics.plan_restore"
     bl_label = "Restore"
     bl_description = "Bring back every value that a plan has changed in this scene, but for those changed since"
