@@ -24,9 +24,9 @@ FEATURE_STEP = 0.3  # of a feature, at most
 MOST_STEPS = 1024  # of a ray: what the engine follows by default; a medium that needs more stays as it is
 FEWEST_TEXELS, MOST_TEXELS = 64, 256  # of the map of a sky, across; the engine's own choice has 1024 or more
 SERIES = 50  # tests of a lamp, below which they do not count with those of others
-# Evaluations of the density: for the octree of an object, before each picture; and for a path, in shares of the steps across the
-# domain's diagonal, half of which the camera's ray takes on average, and as much the ray to a lamp.
-OCTREE, STEPS_SHARE = 16.0 * 128.0**3, 1.0
+# Evaluations of the density for the octree of an object, before each picture. Of the steps across a domain's diagonal the ray of the
+# camera takes half on average, and that to a lamp as many.
+OCTREE = 16.0 * 128.0**3
 THINNEST = 1e-4  # optical depth
 
 
@@ -152,7 +152,8 @@ def _unseen(scene: Observed, allowed: float) -> Found:
     parted = _parted(scene, allowed)
     names, total = ([change.name for change in parted[0]], parted[2]) if parted else ([], 0.0)
     met = scene.survey.media if scene.survey and not any(lamp.moves for lamp in scene.lamps) else {}
-    unmet = [name for name, (paths, count) in met.items() if count == 0 and name not in names]
+    left = {medium.name for medium in scene.media} - set(names)
+    unmet = [name for name, (paths, count) in met.items() if count == 0 and name in left]
     if unmet and total + at_most(0) / met[unmet[0]][0] <= allowed:
         total += at_most(0) / met[unmet[0]][0]
         names += unmet
@@ -282,9 +283,9 @@ def _marching(scene: Observed, allowed: float) -> Found:
     steps = [_step(medium, allowed / len(textured)) for medium in textured]
     if not textured or min(steps) == 0.0 or any(medium.shared or not medium.editable or medium.step <= 0.0 for medium in textured):
         return None
-    taken = [visibility.diagonal(medium.corners) / step for medium, step in zip(textured, steps)]
-    longest = max(taken)
-    if longest > MOST_STEPS or scene.paths * sum(taken) * STEPS_SHARE > OCTREE * len(textured):
+    counts = [visibility.diagonal(medium.corners) / step for medium, step in zip(textured, steps)]
+    longest = max(counts)
+    if longest > MOST_STEPS or scene.paths * sum(counts) > OCTREE * len(textured):
         return None
     changes = [Change("scenes", "", "cycles.volume_biased", True)]
     if scene.settings.get("cycles.volume_step_rate", 1.0) != 1.0:
