@@ -50,6 +50,7 @@ from volumetrics_addon.plan.model import CYCLES, EEVEE  # noqa: E402
 
 FULL_HD, LARGE = 1920 * 1080, "planned for HD"
 FEWEST_SAMPLES, USUAL_SAMPLES = 4, 256  # of a pixel, for which the rules are listed: of a small picture, and of a large one
+IDLE = {"persistent data", "passes"}  # rules that change nothing of a single picture
 STOCK_EEVEE_SAMPLES = 64
 MOST_SAMPLES = 16384
 LONG = 3.0  # processor seconds of a picture that is taken once
@@ -198,7 +199,8 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
         say(f"   {one.rule.name}: {one.reason} ({tuned.figures(one, bench.engine)})")
     stock, others = Way("stock", ()), [Way("planned", arguments.only)]
     large = list(dict.fromkeys(one.rule.name for one in bench.plan(FULL_HD)))
-    if bench.engine == CYCLES and large != rules:  # the rules that gain in a small picture are not those of a large one
+    alike = set(large) <= IDLE and len(bench.usual.frames) == 1  # one large picture is as it was
+    if bench.engine == CYCLES and large != rules and not alike:  # the rules that gain in a small picture are not those of a large one
         others.append(Way(LARGE, arguments.only, FULL_HD))
     if arguments.alone:
         others += [Way(rule, (rule,)) for rule in rules]
@@ -229,7 +231,7 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
             rows.append(row(bench, way, stock, biases[way.name], arguments.error, applied))
         except ValueError as error:
             say(f"   {way.name}: {error}; mean {biases[way.name][0]:+.2%}")
-    at_large = next((found["gain_hd"] for found in rows if found["way"] == LARGE), None)
+    at_large = 1.0 if alike else next((found["gain_hd"] for found in rows if found["way"] == LARGE), None)
     for found in rows:
         if at_large is not None and found["way"] == "planned":
             found["gain_hd"] = at_large
