@@ -203,10 +203,14 @@ LOBES = {
 @given(st.sampled_from(sorted(LOBES)), floats(-0.9999, 0.9999), fractions)
 def test_phase_functions_integrate_to_one_and_to_their_mean_cosine(name, g, x):
     p, mean, _ = LOBES[name]
-    density = 2 * np.pi * COSINE_WEIGHTS * p(COSINE_NODES, g, x)
-    # Measured 2e-16.
-    assert_same(f"phase.{name}", density.sum(), 1.0, rtol=1e-14)
-    assert_same(f"phase.mean_cosine_{name}", density @ COSINE_NODES, mean(g, x), rtol=0.0, atol=1e-14)
+    c = COSINE_NODES
+    density = 2 * np.pi * COSINE_WEIGHTS * p(c, g, x)
+    # Measured 2e-16, and what rounds the nodes: near the ends a cosine is known to half a unit in its last place, and a lobe changes
+    # by 3 g / (1 + g^2 - 2 g c) of itself with it. Measured a tenth of it, up to 1e-11 at |g| = 0.9999.
+    slope = 3 * abs(g) / (1 + g * g - 2 * abs(g * c))
+    rounding = np.sqrt(np.sum((density * slope * np.spacing(np.abs(c))) ** 2))
+    assert_same(f"phase.{name}", density.sum(), 1.0, rtol=1e-14 + rounding)
+    assert_same(f"phase.mean_cosine_{name}", density @ c, mean(g, x), rtol=0.0, atol=1e-14 + rounding)
 
 
 @quick

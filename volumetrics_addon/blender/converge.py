@@ -129,7 +129,7 @@ class Checkpoint:
         if self.path is None or not self.path.exists():
             return None
         try:
-            with np.load(self.path, allow_pickle=False) as stored:
+            with np.load(self.path) as stored:
                 meta = json.loads(str(stored["meta"]))
                 if meta["digest"] != self.digest:
                     say(f"{self.path} is of another render (scene, size, engine, seed or version differ); starting anew")
