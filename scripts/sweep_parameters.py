@@ -106,7 +106,9 @@ BASES = {
            "gobo_time": {"gobo": "water", "gobo_drift_right": 0.2}, "gobo_seed": {"gobo": "leaves"}}),
     "air": Base("clear-noon", 10, stage={"orders": 1}, seconds=20.0, samples=2, values={
         "reach": (2e5, 9e5, 2e6), "planet_radius": (1e6, 3.4e6, 6.36e6, 2e7), "thickness": (3e4, 6e4, 1e5),
-        "base_height": (-100.0, 0.0, 100.0), "mie_g": (-0.5, 0.0, 0.4, 0.76, 0.95)}),
+        "base_height": (-1000.0, 0.0, 50.0), "mie_g": (-0.5, 0.0, 0.4, 0.76, 0.95)},
+        # Air that is still half as dense where its domain ends shows the facets of that ball.
+        beside={"rayleigh_scale_height": {"thickness": 300000.0}}),
 }
 
 
