@@ -32,6 +32,7 @@ import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import geometric_mean
 
 import numpy as np
 
@@ -41,7 +42,7 @@ import bpy  # noqa: E402
 
 from volumetrics_addon.bench import usual  # noqa: E402
 from volumetrics_addon.bench.equal_error import (  # noqa: E402
-    Rung, at_error, common_error, geometric_mean, rms, seconds_at_size, soonest,
+    Rung, at_error, common_error, rms, seconds_at_size, soonest,
 )
 from volumetrics_addon.blender import compat, render, tuning  # noqa: E402
 from volumetrics_addon.compare.statistics import Estimate, compare  # noqa: E402

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from volumetrics_addon.bench.equal_error import (
-    Rung, at_error, common_error, descending, fixed_and_growing, geometric_mean, rms, seconds_at_size, soonest,
+    Rung, at_error, common_error, descending, fixed_and_growing, rms, seconds_at_size, soonest,
 )
 
 
@@ -83,7 +83,3 @@ def test_where_samples_do_not_help_the_first_rung_that_is_as_good_counts():
     assert soonest(flat, 0.35, slack=0.0) == flat[3]
     with pytest.raises(ValueError, match="no rung has the error 0.2; the best has 0.35"):
         soonest(flat, 0.2)
-
-
-def test_geometric_mean():
-    assert geometric_mean([1.0, 10.0, 100.0]) == pytest.approx(10.0, rel=1e-12)

@@ -144,7 +144,7 @@ def values(of):
 def test_a_scene_is_as_it_was_afterwards_and_counts_every_sample(scene):
     before = values(scene)
     assert stage.size_of(scene) == (200, 100) and stage.size_of(scene, 20) == (20, 10)
-    with stage.of_scene(scene, stage.engine_of(scene)) as on:
+    with stage.of_scene(scene, compat.engine_of(scene)) as on:
         assert {decision.effect for decision in on.decisions} == {"adaptive sampling off", "denoising off"}
         few, many, other = (on.shoot(20, 10, samples, seed) for samples, seed in ((4, 0), (256, 0), (256, 1)))
         assert settings.get(scene, "cycles.use_adaptive_sampling") is False
@@ -208,7 +208,7 @@ def test_files_that_a_scene_uses_count(scene, tmp_path):
 def test_scenes_that_cannot_be_rendered_say_so(scene, change, words):
     change(scene)
     with pytest.raises(ValueError, match=words):
-        with stage.of_scene(scene, stage.engine_of(scene)):
+        with stage.of_scene(scene, compat.engine_of(scene)):
             pass
 
 

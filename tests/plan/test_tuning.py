@@ -205,6 +205,16 @@ def test_lamps_that_are_the_users_affair_stay(change):
     assert advice(scene(medium(), lamps=[lamp(), replace(lamp("far", (400.0, 0.0, 0.0)), **change)]), "idle lamps") is None
 
 
+def test_what_is_not_known_to_shine_excludes_nobody():
+    """A lamp of unknown strength, a sky that may be dark where the medium is: neither is light to count on."""
+    far = lamp("far", (400.0, 0.0, 0.0))
+    unknown = lamp("nodes", power=math.inf)
+    assert advice(scene(medium(), lamps=[far, unknown]), "idle lamps") is None
+    assert advice(scene(medium(), lamps=[far], environment=1.0, sky_rate=1.0), "idle lamps") is None
+    near = {change.name for change in advice(scene(medium(), lamps=[far, unknown, lamp()]), "idle lamps").changes}
+    assert near == {"far"}
+
+
 def test_the_last_lamp_is_never_excluded():
     assert advice(scene(medium(), lamps=[lamp("far", (400.0, 0.0, 0.0))]), "idle lamps") is None
     assert advice(scene(medium(), lamps=[lamp("a", (400.0, 0.0, 0.0)), lamp("b", (400.0, 0.0, 1.0))]), "idle lamps") is None

@@ -82,10 +82,18 @@ def test_one_step_undoes_it(state):
     assert not tuning.is_applied(bpy.context.scene) and bpy.context.scene.cycles.volume_bounces == 100
 
 
-def test_nothing_to_apply_is_told(state):
+def test_another_engine_is_refused(state):
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+    for operator in (bpy.ops.volumetrics.plan, bpy.ops.volumetrics.plan_apply):
+        with pytest.raises(RuntimeError, match="has no samples"):
+            operator()
+
+
+def test_all_rules_switched_off_change_nothing(state):
     bpy.ops.volumetrics.plan()
     for entry in state.advice:
         entry.use = False
-    with pytest.raises(RuntimeError, match="no rule that is switched on"):
-        bpy.ops.volumetrics.plan_apply()
+    bpy.context.scene.cycles.volume_bounces = 50
+    assert bpy.ops.volumetrics.plan_apply() == {"FINISHED"}
+    assert bpy.context.scene.cycles.volume_bounces == 50
     assert not tuning.is_applied(bpy.context.scene)

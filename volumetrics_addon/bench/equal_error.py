@@ -88,7 +88,3 @@ def rms(pictures: np.ndarray, truth: np.ndarray, truth_variance: np.ndarray) -> 
     """Relative RMSE of pictures (k, ...) against the truth, less the truth's own mean variance; relative to the truth's mean."""
     squared = np.mean((pictures - truth) ** 2) - np.mean(truth_variance)
     return math.sqrt(max(float(squared), 1e-16)) / float(truth.mean())
-
-
-def geometric_mean(values: Sequence[float]) -> float:
-    return math.exp(sum(map(math.log, values)) / len(values))

@@ -8,6 +8,7 @@ from typing import Any
 
 import bpy
 
+from ..plan.model import CYCLES, EEVEE
 from ..scene.model import NoiseShape, Volume
 
 OLDEST = (4, 5, 0)
@@ -41,6 +42,14 @@ def current() -> Version:
         raise RuntimeError(f"Blender {bpy.app.version_string} is too old; Volumetrics needs "
                            f"{'.'.join(map(str, OLDEST[:2]))} or newer")
     return rows[-1]
+
+
+def engine_of(scene: bpy.types.Scene) -> str:
+    """The engine that the scene is made for. Raises ValueError for one without samples."""
+    known = {"CYCLES": CYCLES, current().eevee: EEVEE}
+    if scene.render.engine not in known:
+        raise ValueError(f"the scene's engine is {scene.render.engine}, which has no samples; choose Cycles or EEVEE")
+    return known[scene.render.engine]
 
 
 def use_nodes(datablock: Any) -> Any:

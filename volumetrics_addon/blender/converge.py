@@ -53,7 +53,6 @@ EEVEE_BIAS_SAMPLES = 64
 PILOT_SEED = 1 << 30  # and upwards: none of a picture's own
 FIRST_RUNG, RUNG = 4, 4  # samples of EEVEE's first picture, and the factor to the next
 MOST_EEVEE_SAMPLES = 1 << 14
-ROUND = 64  # samples for which the plan of a preset is made, before a pilot has found those of a round
 SAVE_SECONDS = 5.0  # between two checkpoints
 HEAVY = 0.5  # share of the spread that one round may have before it is told
 # Seconds of writing and reading a picture, for each of its pixels: part of every round, and too little to see in a pilot.
@@ -220,7 +219,7 @@ def render(source: Preset | bpy.types.Scene, engine: str, width: int, height: in
     if state is not None:
         resumed, task.spent = state.rounds.count, state.seconds
         task.say(f"going on from {checkpoint}: {_done(engine, state)} in {state.seconds:.0f} s")
-    opened = _opener(source, scene, engine, seed, quiet, prepare, ROUND * width * height, without)
+    opened = _opener(source, scene, engine, seed, quiet, prepare, effort.TYPICAL_ROUND * width * height, without)
     try:
         if state is None:
             state = _State()

@@ -12,7 +12,6 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..plan import visibility
-from ..plan.model import CYCLES, EEVEE
 from ..plan.observed import UNKNOWN, Lamp, Medium, Observed, Range, Solids, Substance, Survey, View
 from . import compat, ranges, settings
 from . import survey as trace
@@ -47,11 +46,12 @@ _UNREAD = _Part(Range(0.0, math.inf, math.inf), 1.0, 0.999, True, True)
 def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None, *, survey: bool = True) -> Observed:
     """What the planner knows of the scene at its current frame, as one of its view layers renders it.
 
-    With ``survey`` light paths are traced where that is quick, and may find lamps that light nothing in the picture.
+    With ``survey`` light paths are traced where that is quick, and may find lamps that light nothing in the picture. Raises
+    ValueError for an engine other than Cycles and EEVEE.
     """
     layer = view_layer or blender_scene.view_layers[0]
     layer.update()
-    engine = CYCLES if blender_scene.render.engine == "CYCLES" else EEVEE
+    engine = compat.engine_of(blender_scene)
     present = {path: settings.get(blender_scene, path) for path in PATHS if _has(blender_scene, path)}
     found = list(_rendered(layer))
     materials: dict[str, tuple] = {}
@@ -71,7 +71,7 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
     media = _with_shared(media, found)
     if (air := _world(blender_scene)) is not None:
         media.append(air)
-    view = _view(blender_scene, engine)
+    view = _view(blender_scene)
     traced = _survey(blender_scene, layer, view, lamps, media, rest, materials) if survey and not instances else None
     solids, faces, room = _surroundings(rest, media, view, materials) if media else (None, (), ())
     world, sky = blender_scene.world, _environment(blender_scene)
@@ -120,10 +120,8 @@ def _rendered(layer: bpy.types.ViewLayer) -> Iterator[bpy.types.Object]:
 
 def moves(candidate: bpy.types.Object) -> bool:
     """Whether the object may be elsewhere, or of another shape, in another frame."""
-    if candidate.animation_data is not None and ranges.is_animated(candidate):
-        return True
     data = candidate.data
-    if data is not None and data.animation_data is not None and ranges.is_animated(data):
+    if ranges.is_animated(candidate) or data is not None and ranges.is_animated(data):
         return True
     if getattr(data, "shape_keys", None) or candidate.rigid_body is not None or candidate.constraints:
         return True
@@ -356,7 +354,8 @@ def _medium(candidate: bpy.types.Object, material: bpy.types.Material, described
     step = 0.0 if grids or any(modifier.type == "NODES" for modifier in candidate.modifiers) else 0.1 * sum(size) / 3.0
     return Medium(candidate.name, material.name, _substance(part), corners, moves(candidate), described[2], grids,
                   material.cycles.volume_sampling, material.cycles.volume_step_rate, step,
-                  candidate.library is None and material.library is None and candidate.override_library is None)
+                  editable=candidate.library is None and material.library is None and candidate.override_library is None
+                  and candidate.instance_type == "NONE" and not candidate.particle_systems)
 
 
 def _with_shared(media: list[Medium], found: list[bpy.types.Object]) -> list[Medium]:
@@ -371,14 +370,17 @@ def _lamp(candidate: bpy.types.Object) -> Lamp:
     data, frame = candidate.data, candidate.matrix_world
     strength = data.energy * 2.0**data.exposure
     color = max(data.color) * (max(data.temperature_color) if data.use_temperature else 1.0)
-    radius = {"SUN": lambda: 0.5 * data.angle, "AREA": lambda: 0.5 * math.hypot(data.size, data.size_y) * max(frame.to_scale())}.get(
-        data.type, lambda: data.shadow_soft_size)()
+    if data.type == "AREA":
+        across = data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size
+        radius = 0.5 * math.hypot(data.size, across) * max(frame.to_scale())
+    else:
+        radius = 0.5 * data.angle if data.type == "SUN" else data.shadow_soft_size
     power = abs(strength) * color
     tree = _tree(data)
     if tree is not None and tree.nodes and not _plain_emission(tree):
         power = math.inf
     if not getattr(data, "normalize", True):
-        power *= {"SUN": 1.0}.get(data.type, max(1.0, 4.0 * math.pi * radius * radius))
+        power = math.inf  # times the size of what shines, by another rule for each kind
     linking = candidate.light_linking
     return Lamp(candidate.name, data.type, power, tuple(frame.translation),
                 tuple((frame.to_3x3() @ Vector((0.0, 0.0, -1.0))).normalized()), radius,
@@ -387,12 +389,11 @@ def _lamp(candidate: bpy.types.Object) -> Lamp:
 
 
 def _plain_emission(tree: bpy.types.NodeTree) -> bool:
-    """Whether the nodes of a lamp leave its strength as it is."""
+    """Whether the nodes of a lamp leave its strength and colour as they are."""
     output = _output(tree, "ShaderNodeOutputLight")
     shaders = _shaders(output.inputs[0]) if output else []
-    return bool(shaders) and all(node.bl_idname == "ShaderNodeEmission" and _plain(node, "Strength") is not None
-                                 and _plain(node, "Strength") <= 1.0 and not node.inputs["Color"].is_linked
-                                 and max(node.inputs["Color"].default_value[:3]) <= 1.0 for node in shaders)
+    return bool(shaders) and all(node.bl_idname == "ShaderNodeEmission" and _plain(node, "Strength") == 1.0 and not node.inputs["Color"].is_linked
+                                 and tuple(node.inputs["Color"].default_value[:3]) == (1.0, 1.0, 1.0) for node in shaders)
 
 
 def _world(blender_scene: bpy.types.Scene) -> Medium | None:
@@ -426,27 +427,27 @@ def _environment(blender_scene: bpy.types.Scene) -> Range:
     return result
 
 
-def _view(blender_scene: bpy.types.Scene, engine: str) -> View | None:
+def _view(blender_scene: bpy.types.Scene) -> View | None:
     """The camera where it is a perspective one; a lens that spreads wide or moves the eye is not described."""
     camera = blender_scene.camera
     if camera is None or camera.type != "CAMERA" or camera.data.type != "PERSP" or blender_scene.render.use_multiview:
         return None
-    render, data = blender_scene.render, camera.data
+    data = camera.data
     frame = Matrix.LocRotScale(camera.matrix_world.translation, camera.matrix_world.to_quaternion(), None)
     # Corners of the picture at depth 1, with shift and the aspect of the picture.
     points = [tuple(corner / -corner.z) for corner in map(Vector, data.view_frame(scene=blender_scene))]
     low = (min(p[0] for p in points), min(p[1] for p in points))
     high = (max(p[0] for p in points), max(p[1] for p in points))
-    aperture = data.dof.use_dof
-    if aperture:  # what is out of focus spreads beyond its outline: taken as seen in a frame twice as wide
+    if data.dof.use_dof:  # what is out of focus spreads beyond its outline: taken as seen in a frame twice as wide
         low, high = tuple(2.0 * l - h for l, h in zip(low, high)), tuple(2.0 * h - l for l, h in zip(low, high))
     axes = frame.to_3x3()
     markers = any(marker.camera is not None for marker in blender_scene.timeline_markers)
     return View(tuple(frame.translation), tuple(axes.col[0]), tuple(axes.col[1]), tuple(axes.col[2]), low, high, data.clip_end,
-                moves(camera) or markers or render.use_motion_blur and moves(camera))
+                moves(camera) or markers)
 
 
-def _surroundings(rest: list[bpy.types.Object], media: list[Medium], view: View | None, materials: dict) -> tuple[Solids | None, tuple, tuple]:
+def _surroundings(rest: list[bpy.types.Object], media: list[Medium], view: View | None,
+                  materials: dict) -> tuple[Solids | None, tuple, tuple]:
     """Solids where a medium may be out of the picture, opaque faces that may fill it, and the room around the camera."""
     if view is None:
         return None, (), ()

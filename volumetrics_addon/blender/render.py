@@ -119,7 +119,8 @@ def _interruptible(folder: str, message: str) -> Iterator[None]:
     """Ctrl-C ends the process at once, with exit code 130.
 
     Python runs signal handlers only between its own instructions, and an engine returns to Python when its picture is
-    done. A thread waits for the signal instead; it removes the temporary folders, since nothing else will.
+    done. A thread waits for the signal instead; it removes the temporary folders, since nothing else will. The handler itself
+    does nothing: an exception in the Python of Cycles' add-on leaves it without a session, and Blender renders with none.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -138,15 +139,15 @@ def _interruptible(folder: str, message: str) -> Iterator[None]:
             os._exit(130)
 
     watcher = threading.Thread(target=watch, daemon=True)
-    handler_before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    handler_before = signal.signal(signal.SIGINT, lambda number, frame: None)
     wakeup_before = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     watcher.start()
     try:
         yield
     finally:
+        # None is Blender's own, which Python cannot bring back.
+        signal.signal(signal.SIGINT, signal.default_int_handler if handler_before is None else handler_before)
         signal.set_wakeup_fd(wakeup_before)
-        if handler_before is not None:  # None is Blender's own, which Python cannot bring back
-            signal.signal(signal.SIGINT, handler_before)
         os.close(writer)
         watcher.join()
         os.close(reader)

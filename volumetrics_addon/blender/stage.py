@@ -105,14 +105,6 @@ def of_scene(scene: bpy.types.Scene, engine: str, quiet: bool = True, changes: M
             setattr(image, name, value)
 
 
-def engine_of(scene: bpy.types.Scene) -> str:
-    """The engine that the scene is made for. Raises ValueError for one without samples."""
-    known = {"CYCLES": CYCLES, compat.current().eevee: EEVEE}
-    if scene.render.engine not in known:
-        raise ValueError(f"the scene's engine is {scene.render.engine}, which has no samples; choose --engine cycles or eevee")
-    return known[scene.render.engine]
-
-
 def size_of(scene: bpy.types.Scene, size: int | None = None) -> tuple[int, int]:
     """Width and height of the scene's pictures, or of ones of its shape whose longer side is ``size``."""
     render_settings = scene.render

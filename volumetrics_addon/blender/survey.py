@@ -28,7 +28,7 @@ EPSILON = 1e-4
 
 
 class Tracer:
-    """Rays among the opaque bodies of a scene; ``passes`` tells the objects that let light through."""
+    """Rays among the opaque bodies of a scene; ``opaque`` names those that let no light through."""
 
     def __init__(self, scene: bpy.types.Scene, layer: bpy.types.ViewLayer, opaque: set[str]):
         self.scene, self.graph, self.opaque = scene, layer.depsgraph, opaque

@@ -457,7 +457,7 @@ def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
 
     if arguments.out is not None and arguments.out.suffix != ".blend":
         raise ParameterError(f"--out {arguments.out} is not allowed; the plan is saved in a Blender file, end the name with .blend")
-    from ..blender import files
+    from ..blender import compat, files
     from ..blender import tuning as of_scene
 
     scene = files.open_scene(Path(arguments.file), arguments.scene, arguments.engine)
@@ -466,7 +466,7 @@ def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
     if arguments.out is not None:
         of_scene.apply(scene, advice)
         files.save(arguments.out)
-    engine = CYCLES if scene.render.engine == "CYCLES" else EEVEE
+    engine = compat.engine_of(scene)
     bound = sum(found.bound for found in advice)
     if arguments.json:
         print(json.dumps({"file": str(arguments.file), "scene": scene.name, "engine": engine, "target": target, "bound": bound,

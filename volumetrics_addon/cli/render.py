@@ -14,11 +14,11 @@ from ..parameters.families import FAMILIES
 from ..parameters.model import ParameterError
 from ..parameters.preset import Preset, load
 from ..parameters.stage import STAGE
+from ..plan.effort import TYPICAL_ROUND
 from ..plan.model import CYCLES, Decision
 from ..plan.rules import check_names
 from . import main as command
 
-ROUND = 64  # samples for which a scene is planned, before a pilot has found those of a round
 SIZE = 512  # of a preset's picture, along its longer side
 
 
@@ -148,11 +148,11 @@ class _OfBlend:
 
     def open(self) -> None:
         """Raises ValueError for a file that Blender cannot open."""
-        from ..blender import files, identity, stage
+        from ..blender import compat, files, identity, stage
 
         self.source = files.open_scene(self.path, engine=self.arguments.engine, frame=self.arguments.frame,
                                        quiet=not self.arguments.engine_output)
-        self.engine = self.arguments.engine or stage.engine_of(self.source)
+        self.engine = self.arguments.engine or compat.engine_of(self.source)
         self.width, self.height = stage.size_of(self.source, self.arguments.size)
         self.own_samples = self.source.cycles.samples if self.engine == CYCLES else self.source.eevee.taa_render_samples
         self.exposure = self.source.view_settings.exposure
@@ -176,7 +176,7 @@ class _OfBlend:
         """What applies the plan that was asked for, for a picture of so many samples."""
         return None if self.arguments.plan is None else self._plan
 
-    def _plan(self, scene: Any, samples: int = ROUND) -> None:
+    def _plan(self, scene: Any, samples: int = TYPICAL_ROUND) -> None:
         from ..blender import tuning
 
         tuning.restore(scene)

@@ -47,7 +47,7 @@ RULES = {rule.name: rule for rule in (
          "traced, with 95 % confidence",
          engines=ENGINES, share=0.3),
     Rule("unseen lamps",
-         "there are four lamps or more, nothing moves, and no light path from the picture leads to some of them",
+         "there are several lamps, nothing moves, and no light path from the picture leads to some of them",
          "the lamps that light nothing in the picture",
          "3 in as many tests as were made of such paths, with 95 % confidence, of what the lamps would give without obstacles",
          engines=ENGINES, share=0.5, gain={CYCLES: 5.4}, shown_by="rooms"),

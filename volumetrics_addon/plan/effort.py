@@ -19,6 +19,7 @@ from .rules import MOST_SAMPLES
 ROUNDS = 8  # before a bound is trusted, and at least so many where there is a choice
 FEWEST_ROUNDS = 5  # of which a bound is given at all: it takes the spread of four squares
 OVERHEAD = 0.1  # of a round's time, at most, for what each render does once
+TYPICAL_ROUND = 64  # samples for which a picture is planned, before a pilot has found those of a round
 ROUND_SECONDS = 10.0  # an interruption costs a round: it is no longer than this where its overhead allows
 CONFIDENCE = 0.95
 

@@ -69,7 +69,7 @@ class Medium:
 class Lamp:
     """A light: ``power`` (W, a sun W/m^2) of its strongest channel, ``radius`` (m) of what shines, a spot's full ``cone`` (rad).
 
-    ``is_linked``: the user has chosen what receives it; such a lamp is left alone.
+    The power is infinite where it is not known. ``is_linked``: the user has chosen what receives it; such a lamp is left alone.
     """
 
     name: str
@@ -129,8 +129,8 @@ class Survey:
 class Observed:
     """The scene: settings by path are read as they are asked for in ``settings``.
 
-    ``solids`` is None where all media are in the picture, and nobody needs to know. ``faces`` are flat, convex and opaque; ``room`` holds the corners of the bounding box of a closed, convex and opaque mesh around
-    the camera.
+    ``solids`` is None where all media are in the picture, and nobody needs to know. ``faces`` are flat, convex and opaque; ``room``
+    holds the corners of the bounding box of a closed, convex and opaque mesh around the camera.
     """
 
     engine: str

@@ -328,6 +328,8 @@ def _longer(scene: Observed, allowed: float) -> Found:
 
 def _irradiance(lamp: Lamp, medium: Medium) -> tuple[float, float]:
     """Bounds of the lamp's unshaded irradiance in the medium: least (of lamps that shine all over it) and largest."""
+    if not math.isfinite(lamp.power):
+        return 0.0, math.inf
     if lamp.kind == "SUN":
         return lamp.power, lamp.power
     nearest, farthest = visibility.box_distance(medium.corners, lamp.position)
@@ -404,7 +406,7 @@ def _idle(scene: Observed, allowed: float) -> Found:
             continue
         contrast = ((1.0 + medium.substance.g) / max(1.0 - medium.substance.g, 1e-3)) ** 3
         reach = {lamp.name: _irradiance(lamp, medium) for lamp in scene.lamps if not lamp.moves}
-        least = sum(low for low, _ in reach.values()) + math.pi * (scene.environment if math.isfinite(scene.environment) else 0.0)
+        least = sum(low for low, _ in reach.values()) + (math.pi * scene.environment if scene.sky_rate == 0.0 else 0.0)
         dropped = 0.0
         for lamp in sorted(scene.lamps, key=lambda lamp: reach.get(lamp.name, (0.0, math.inf))[1]):
             if lamp.moves or lamp.is_linked or not lamp.editable or lamp.volume_factor == 0.0:
@@ -470,6 +472,6 @@ def _persistent(scene: Observed, allowed: float) -> Found:
 
 _FINDERS: dict[str, Callable[[Observed, float], Found]] = {
     "bounces": _bounces, "sampling": _sampling, "ray marching": _marching, "longer steps": _longer, "unseen media": _unseen,
-    "thin media": _thin, "unseen lamps": _unseen_lamps, "idle lamps": _idle, "light tree": _light_tree, "sky map": _sky_map, "guiding": _guiding, "passes": _passes,
-    "persistent data": _persistent,
+    "thin media": _thin, "unseen lamps": _unseen_lamps, "idle lamps": _idle, "light tree": _light_tree,
+    "sky map": _sky_map, "guiding": _guiding, "passes": _passes, "persistent data": _persistent,
 }

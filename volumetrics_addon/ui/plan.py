@@ -6,7 +6,6 @@ from __future__ import annotations
 import bpy
 
 from ..plan.catalogue import RULES, TARGET
-from ..plan.model import CYCLES, EEVEE
 from .operators import UndoStep
 from .panels import VOLUMETRICS_PT_main, wrapped
 
@@ -27,14 +26,15 @@ class VolumetricsPlan(bpy.types.PropertyGroup):
 
 
 def find(context: bpy.types.Context) -> list:
-    """The advice for the scene, listed in the panel; rules that were switched off stay so."""
+    """The advice for the scene, listed in the panel; rules that were switched off stay so. Raises ValueError for another engine."""
+    from ..blender import compat
     from ..blender import tuning as of_scene
     from ..plan import tuning
 
     state = context.window_manager.volumetrics_plan
-    off = {entry.name for entry in state.advice if not entry.use}
+    off = switched_off(context)
     advice = of_scene.plan(context.scene, state.error / 100.0)
-    engine = CYCLES if context.scene.render.engine == "CYCLES" else EEVEE
+    engine = compat.engine_of(context.scene)
     state.advice.clear()
     for found in advice:
         entry = state.advice.add()
@@ -44,15 +44,19 @@ def find(context: bpy.types.Context) -> list:
     return advice
 
 
-class VOLUMETRICS_OT_plan(bpy.types.Operator):
+def switched_off(context: bpy.types.Context) -> set[str]:
+    return {entry.name for entry in context.window_manager.volumetrics_plan.advice if not entry.use}
+
+
+class VOLUMETRICS_OT_plan(UndoStep, bpy.types.Operator):
     bl_idname = "volumetrics.plan"
     bl_label = "Find savings"
     bl_description = "List what this scene does not need, media that are not of this add-on included; changes nothing"
+    bl_options = {"REGISTER"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         if not find(context):
             self.report({"INFO"}, "Every rule was tried, and the scene needs all it has")
-        return {"FINISHED"}
 
 
 class VOLUMETRICS_OT_plan_apply(UndoStep, bpy.types.Operator):
@@ -63,13 +67,11 @@ class VOLUMETRICS_OT_plan_apply(UndoStep, bpy.types.Operator):
     def act(self, context: bpy.types.Context) -> None:
         from ..blender import tuning as of_scene
 
-        of_scene.restore(context.scene)
-        find(context)
+        of_scene.restore(context.scene)  # what an earlier plan has left out is looked at again
         state = context.window_manager.volumetrics_plan
-        off = {entry.name for entry in state.advice if not entry.use}
-        advice = of_scene.plan(context.scene, state.error / 100.0, off)
+        advice = of_scene.plan(context.scene, state.error / 100.0, switched_off(context))
         if not advice:
-            raise ValueError("no rule that is switched on finds anything to leave out")
+            self.report({"INFO"}, "No rule that is switched on finds anything to leave out")
         of_scene.apply(context.scene, advice)
 
 
