@@ -18,7 +18,7 @@ from .compare.statistics import Comparison, Estimate, compare
 from .parameters.preset import Preset
 from .plan.model import CYCLES, EEVEE
 from .plan.rules import bakes_light, compositor_loss_allowed, eevee_lights, is_baked, light_resolution
-from .reference import depth_air, depth_fog
+from .reference import depth_air, depth_fog, light_balance
 from .reference.depth_air import SLICES
 from .reference.result import Result
 from .reference.select import integrator
@@ -169,10 +169,14 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
             notes.append("EEVEE has one HG lobe, here with the mean cosine of the phase function")
         if note := eevee_lights(scene.lights):
             notes.append(note)
-        if scene.surfaces:
-            notes.append("EEVEE does not dim the light that reaches surfaces through the medium")
-        if max(scene.environment) > 0.0 and not all(baked):
-            notes.append("EEVEE lights the medium from the environment without shadow")
+        if any(baked) or light_balance.applies(scene):
+            if scene.surfaces:
+                notes.append("EEVEE does not dim the light that reaches surfaces through the medium")
+            if max(scene.environment) > 0.0 and not all(baked):
+                notes.append("EEVEE lights the medium from the environment without shadow")
+        else:
+            notes.append("EEVEE does not dim light on its way to surfaces, nor the sky's: lamps and sky have the share that arrives, one "
+                         "for the whole picture")
     return notes
 
 

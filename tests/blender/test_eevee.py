@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """EEVEE against the references: what it can do right is right, and its error is stated everywhere.
 
-Bounds are the error measured at this size plus a margin for drivers: 0.05 %, -0.3 %, +34 % (the lit floor, which EEVEE
-does not dim by the medium).
+Bounds are the error measured at this size plus a margin for drivers: 0.05 %, -0.3 %, +3.5 %.
 """
 
 import pytest
@@ -17,7 +16,7 @@ from volumetrics_addon.plan.rules import light_threshold  # noqa: E402
 pytestmark = pytest.mark.skipif(not all(c.ok for c in checks() if c.name == "EEVEE"), reason="no EGL on this machine")
 
 
-@pytest.mark.parametrize("name, bound", [("tea-glass", 0.01), ("emerald-sphere", 0.03), ("theatre-slats", 0.6)])
+@pytest.mark.parametrize("name, bound", [("tea-glass", 0.01), ("emerald-sphere", 0.03), ("theatre-slats", 0.06)])
 def test_mean_error(name, bound):
     result = verify.verify(load(name), "eevee", 32, 8)
     assert abs(result.comparison.mean_relative_error) < bound

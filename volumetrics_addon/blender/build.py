@@ -16,10 +16,11 @@ from ..reference import depth_air
 from ..scene import units
 from ..scene.body import Body
 from ..scene.model import Box, Cone, Ellipsoid, Grid, Hull, Light, Projector, Scene, Shape, Sun
-from . import compat, compositing, fields, grid, groups, light, objects, projector, settings
+from . import compat, compositing, dimming, fields, grid, groups, light, objects, projector, settings
 from .nodes import Tree, socket_of
 
 if TYPE_CHECKING:  # importing path tracing takes longer than adding most presets
+    from ..reference.light_balance import Balance
     from ..reference.light_grid import LightGrid
 
 _COLLECTIONS = ("objects", "meshes", "lights", "cameras", "materials", "node_groups", "worlds", "scenes", "collections", "images")
@@ -52,12 +53,12 @@ def add_body(body: Body, name: str, collection: bpy.types.Collection, baked: Lig
     return result
 
 
-def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
-          baked: Mapping[int, LightGrid] | None = None) -> bpy.types.Scene:
+def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str, baked: Mapping[int, LightGrid] | None = None,
+          balance: Balance | None = None) -> bpy.types.Scene:
     """A Blender scene that shows the Scene in the plan's unit of length, with the plan's settings applied.
 
     ``bodies`` holds the scene's volumes, from a preset or from scene.describe; ``baked`` the light of the bodies that have
-    some, by their index.
+    some, by their index; ``balance`` what its lights and its sky are dimmed to in EEVEE.
     """
     baked = baked or {}
     if plan.unit != 1.0:
@@ -73,13 +74,16 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
         domain = add_body(body, label, collection, baked.get(index))
         set_volume_material(domain.material_slots[0].material, settings_of_volume)
     for index, source in enumerate(scene.lights):
-        add_light(source, f"{label} light {index}", collection, scene, plan.engine)
+        lamps = add_light(source, f"{label} light {index}", collection, scene, plan.engine)
+        if balance:
+            for lamp in lamps:
+                dimming.apply(lamp, balance.surfaces[index], balance.media[index], collection)
     for index, surface in enumerate(scene.surfaces):
         objects.body(surface.shape, f"{label} body {index}",
                      objects.surface_material(surface, f"{label} body {index}"), collection, scene.camera.position)
     if plan.light_enclosure:
         add_enclosure(scene.lights, bodies, "Light enclosure", collection)
-    result.world = objects.world(scene.environment, "Volumetrics world")
+    result.world = objects.world(scene.environment, "Volumetrics world", balance.sky if balance else (1.0, 1.0, 1.0))
     result.camera = objects.camera(scene.camera, clip_range(scene, [body for body in bodies if body.domain and not air], plan.engine), "Volumetrics camera", collection)
     render = result.render
     render.engine = "CYCLES" if plan.engine == CYCLES else compat.current().eevee
@@ -96,15 +100,14 @@ def build(scene: Scene, bodies: Sequence[Body], plan: Plan, label: str,
 
 
 def add_light(source: Light, name: str, collection: bpy.types.Collection, scene: Scene, engine: str | None = None,
-              live: bpy.types.NodeTree | None = None) -> None:
+              live: bpy.types.NodeTree | None = None) -> list[bpy.types.Object]:
     """The light, for one engine or for both: a projector is nodes in Cycles and a mask before the light in EEVEE.
 
-    ``live`` is the node group of its gobo, where that is not a picture.
+    ``live`` is the node group of its gobo, where that is not a picture. Returns its lamps, of which a coloured gobo has three.
     """
     if isinstance(source, Projector):
-        projector.add(source, name, collection, engine, rules.reach(scene, source.position), live)
-    else:
-        objects.light(source, name, collection)
+        return projector.add(source, name, collection, engine, rules.reach(scene, source.position), live)
+    return [objects.light(source, name, collection)]
 
 
 def set_volume_material(material: bpy.types.Material, values: Mapping[str, Any]) -> None:

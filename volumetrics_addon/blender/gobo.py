@@ -19,7 +19,7 @@ from ..parameters.families import FAMILIES
 from ..scene import gobo, noise
 from ..scene.model import Projector
 from . import pictures
-from .nodes import Tree, arrange, socket_of
+from .nodes import Tree, arrange, read_live, socket_of
 
 Socket = bpy.types.NodeSocket
 LIVE = ("gobo_softness", "gobo_scale", "gobo_rotation", "gobo_drift_right", "gobo_drift_up", "gobo_time")
@@ -53,17 +53,12 @@ def group(values: Mapping[str, Any], light: Projector, name: str, owner: bpy.typ
 def _driven(build: Tree, key: str, owner: bpy.types.Material, node: bpy.types.Node) -> Socket:
     """A number that follows the socket of a live parameter: the plain average of one, which asks for no permission to run."""
     parameter = FAMILIES["godray"][key]
-    index = FAMILIES["godray"].live.index(parameter)
     result = build.node("ShaderNodeValue", label=parameter.label)
     result.name = key
-    result.outputs[0].default_value = node.inputs[index].default_value
+    result.outputs[0].default_value = node.inputs[FAMILIES["godray"].live.index(parameter)].default_value
     driver = result.outputs[0].driver_add("default_value").driver
     driver.type = "AVERAGE"
-    variable = driver.variables.new()
-    variable.type = "SINGLE_PROP"
-    target = variable.targets[0]
-    target.id_type, target.id = "MATERIAL", owner
-    target.data_path = f'node_tree.nodes["{bpy.utils.escape_identifier(node.name)}"].inputs[{index}].default_value'
+    read_live(driver, key, owner, node, FAMILIES["godray"])
     return result.outputs[0]
 
 

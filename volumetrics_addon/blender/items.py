@@ -8,6 +8,7 @@ were before. Every datablock made for it is tagged, so that removal takes them a
 from __future__ import annotations
 
 import json
+import math
 import uuid
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -25,7 +26,7 @@ from ..scene.bake import voxelized
 from ..scene.body import Body
 from ..scene.families.item import Item
 from ..scene.model import Camera, Scene, Sun, Volume, add
-from . import build, compat, compositing, extract, fields, gobo, grid, groups, light, objects, settings
+from . import build, compat, compositing, dimming, extract, fields, gobo, grid, groups, light, objects, settings
 from .nodes import socket_factor
 
 KEY = "volumetrics"
@@ -230,12 +231,15 @@ def place_item(scene: bpy.types.Scene, family: str, values: Mapping[str, Any], i
     build.set_volume_material(material, min(cycles.volume_settings, key=lambda chosen: chosen["volume_step_rate"]))
     for medium in media[1:]:
         build.add_body(medium, label, collection, material=material)
-    pattern = None
+    pattern, node = None, next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
     if item.lights and values.get("light") == "projector" and values["gobo"] != "none":
-        pattern = gobo.group(values, item.lights[0], f"{label} gobo", material,
-                             next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup"))
+        pattern = gobo.group(values, item.lights[0], f"{label} gobo", material, node)
     for source in item.lights:
-        build.add_light(source, f"{label} light", collection, described, live=pattern)
+        lamps = build.add_light(source, f"{label} light", collection, described, live=pattern)
+        if not isinstance(source, Sun):
+            for lamp in lamps:
+                dimming.follow(lamp, source, math.dist(values["location"], values["target"]), item.volumes, material, node,
+                               FAMILIES[family])
     for surface in item.surfaces:
         part = f"{label} {'ground' if family == 'air' else 'blocker'}"
         objects.body(surface.shape, part, objects.surface_material(surface, part), collection, eye)

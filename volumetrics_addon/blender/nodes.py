@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..parameters.model import Parameter
+from ..parameters.model import Group, Parameter
 
 _SOCKETS = {"float": "NodeSocketFloat", "int": "NodeSocketInt", "bool": "NodeSocketBool",
             "color": "NodeSocketColor", "vector": "NodeSocketVector"}
@@ -97,6 +97,16 @@ def socket_value(parameter: Parameter, value: Any) -> Any:
     if parameter.kind == "color":
         return (*value, 1.0)
     return value * socket_factor(parameter) if parameter.unit == "deg" else value
+
+
+def read_live(driver: bpy.types.Driver, key: str, owner: bpy.types.Material, node: bpy.types.Node, family: Group) -> None:
+    """A variable of the driver, named after the live parameter whose socket on the family's ``node`` it follows."""
+    variable = driver.variables.new()
+    variable.name, variable.type = key, "SINGLE_PROP"
+    target = variable.targets[0]
+    target.id_type, target.id = "MATERIAL", owner
+    index = family.live.index(family[key])
+    target.data_path = f'node_tree.nodes["{bpy.utils.escape_identifier(node.name)}"].inputs[{index}].default_value'
 
 
 def socket_factor(parameter: Parameter) -> float:

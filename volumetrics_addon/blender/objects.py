@@ -235,12 +235,17 @@ def _emission(build: Tree, kind: str, radiance: Color) -> bpy.types.NodeSocket:
     return build.node(kind, {"Color": (*color, 1.0), "Strength": strength}).outputs[0]
 
 
-def world(radiance: Color, name: str) -> bpy.types.World:
-    """Uniform environment, and never a volume."""
+def world(radiance: Color, name: str, share: Color = (1.0, 1.0, 1.0)) -> bpy.types.World:
+    """Uniform environment, and never a volume. With a ``share`` it is seen as it is, and shines with that share of its light."""
     result = bpy.data.worlds.new(name)
     build = Tree(use_nodes(result))
     output = build.node("ShaderNodeOutputWorld", target="ALL")
-    build.feed(socket_of(output.inputs, "Surface"), _emission(build, "ShaderNodeBackground", radiance))
+    seen = _emission(build, "ShaderNodeBackground", radiance)
+    if share != (1.0, 1.0, 1.0):
+        shining = _emission(build, "ShaderNodeBackground", tuple(r * s for r, s in zip(radiance, share)))
+        camera_ray = socket_of(build.node("ShaderNodeLightPath").outputs, "Is Camera Ray")
+        seen = build.node("ShaderNodeMixShader", {0: camera_ray, 1: shining, 2: seen}).outputs[0]
+    build.feed(socket_of(output.inputs, "Surface"), seen)
     arrange(build.tree)
     return result
 

@@ -47,8 +47,8 @@ def is_colored(light: Projector) -> bool:
 
 
 def add(light: Projector, name: str, collection: bpy.types.Collection, engine: str | None = None, reach: float = 0.0,
-        live: bpy.types.NodeTree | None = None) -> None:
-    """The projector for one engine, or for both where ``engine`` is None. Its mask stands at a share of ``reach`` (m).
+        live: bpy.types.NodeTree | None = None) -> list[bpy.types.Object]:
+    """The lamps of the projector for one engine, or for both where ``engine`` is None. Its mask stands at a share of ``reach`` (m).
 
     Its gobo is ``live``, a group of blender.gobo, or else the light's picture.
     """
@@ -73,6 +73,7 @@ def add(light: Projector, name: str, collection: bpy.types.Collection, engine: s
             for entry in others.collection_objects:
                 entry.light_linking.link_state = "EXCLUDE"
             lamp.light_linking.blocker_collection = others
+    return lamps
 
 
 def transmission(build: Tree, light: Projector, image: Gobo, direction: bpy.types.NodeSocket) -> tuple:

@@ -22,7 +22,8 @@ from ..parameters.preset import Preset
 from ..plan.model import CYCLES, Plan
 from ..plan.rules import bakes_light, explain_representation, light_resolution
 from ..plan.rules import plan as make_plan
-from ..reference import light_grid
+from ..reference import light_balance, light_grid
+from ..reference.light_balance import Balance
 from ..reference.light_grid import LightGrid
 from ..scene import assemble
 from ..scene.assemble import bodies
@@ -33,6 +34,7 @@ from . import build, compat
 
 
 LIGHT_PATHS = 64 * 32  # of baked light: for each of its voxels, times the voxels along its longest side
+DIMMED = "EEVEE dims neither what lights surfaces through media nor the sky in them"
 INTERRUPTED = "interrupted; nothing half-written is left"
 
 
@@ -175,6 +177,8 @@ def plan_of(preset: Preset, scene: Scene, engine: str, width: int, height: int, 
     for volume in scene.volumes:
         if engine != CYCLES and not plan.compositor_fog and (reason := bakes_light(scene, volume, preset.parameters)):
             plan.decide("baked light", f"{light_resolution(volume, preset.parameters)} voxels along the longest side", reason)
+    if not any(decision.rule == "baked light" for decision in plan.decisions):
+        _balance(scene, plan, width / height, 0)
     return plan
 
 
@@ -199,6 +203,16 @@ def _baked_light(scene: Scene, bodies: Sequence[Body], plan: Plan, seed: int) ->
     return result
 
 
+def _balance(scene: Scene, plan: Plan, aspect: float, seed: int) -> Balance | None:
+    """What EEVEE's lights are dimmed to, where they shine through media that do not dim them."""
+    if plan.engine == CYCLES or plan.compositor_fog or not plan.may("dimmed light") or light_balance.applies(scene):
+        return None
+    balance = light_balance.balance(scene, aspect, seed)
+    shares = [min(share) for share in balance.surfaces + (balance.sky,)]
+    plan.decide("dimmed light", f"lamps and sky at down to {min(shares):.0%} of their light", DIMMED)
+    return balance
+
+
 def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, width: int, height: int, samples: int, *,
                  settings: Mapping[str, Any] | None = None, seed: int = 0, repeats: int = 1, quiet: bool = True,
                  without: Collection[str] = (), progress: Callable[[float], None] | None = None) -> Rendered:
@@ -212,7 +226,7 @@ def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, 
     start = time.perf_counter()
     report = progress or (lambda share: None)
     with staged(scene, bodies, label, engine, samples, settings=settings, seed=seed, paths=width * height * samples,
-                without=without) as (plan, built):
+                aspect=width / height, without=without) as (plan, built):
         parts = [render_built(one, width, height, seed=seed, repeats=repeats, quiet=quiet,
                               progress=lambda share, index=index: report((index + share) / len(built)))
                  for index, one in enumerate(built)]
@@ -221,7 +235,7 @@ def render_scene(scene: Scene, bodies: Sequence[Body], label: str, engine: str, 
 
 @contextmanager
 def staged(scene: Scene, bodies: Sequence[Body], label: str, engine: str, samples: int, *,
-           settings: Mapping[str, Any] | None = None, seed: int = 0, paths: float = 0.0,
+           settings: Mapping[str, Any] | None = None, seed: int = 0, paths: float = 0.0, aspect: float = 1.0,
            without: Collection[str] = ()) -> Iterator[tuple[Plan, list[bpy.types.Scene]]]:
     """The plan and the Blender scene of a Scene, or three scenes in grey where the plan renders its channels apart; they are
     removed at the end."""
@@ -230,11 +244,13 @@ def staged(scene: Scene, bodies: Sequence[Body], label: str, engine: str, sample
     plan.settings.update(settings or {})
     with build.temporary():
         if plan.channels_apart:
-            yield plan, [build.build(channel(scene, index), [channel_body(body, index) for body in bodies], plan, label)
-                         for index in CHANNELS]
+            yield plan, [build.build(grey, [channel_body(body, index) for body in bodies], plan, label,
+                                     balance=_balance(grey, plan, aspect, seed))
+                         for index, grey in ((index, channel(scene, index)) for index in CHANNELS)]
         else:
             baked = {} if plan.compositor_fog else _baked_light(scene, bodies, plan, seed)
-            yield plan, [build.build(scene, bodies, plan, label, baked)]
+            balance = None if baked else _balance(scene, plan, aspect, seed)
+            yield plan, [build.build(scene, bodies, plan, label, baked, balance)]
 
 
 def together(parts: Sequence[np.ndarray]) -> np.ndarray:

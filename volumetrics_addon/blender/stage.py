@@ -54,7 +54,8 @@ def of_preset(preset: Preset, scene: Scene, engine: str, seed: int = 0, quiet: b
               without: Collection[str] = ()) -> Iterator[Stage]:
     """A preset's stage, as ``verify.scene_of`` makes its Scene, for pictures of so many camera paths; removed at the end."""
     bodies = assemble.bodies(preset.family, preset.parameters, scene.volumes)
-    with render.staged(scene, bodies, preset.label, engine, 1, seed=seed, paths=paths, without=without) as (plan, built):
+    with render.staged(scene, bodies, preset.label, engine, 1, seed=seed, paths=paths, aspect=preset.stage["aspect"],
+                       without=without) as (plan, built):
         yield Stage(engine, built, plan.compositor_fog, quiet, decisions=plan.decisions)
 
 

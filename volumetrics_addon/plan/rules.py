@@ -383,8 +383,8 @@ def eevee_unit(scene: Scene) -> float:
 def compositor_loss_allowed(engine: str) -> float:
     """Largest share of the picture's mean that fog in the compositor may miss before a volume takes its place by itself.
 
-    Cycles' volumes have no bias, so the compositor's must be below the 0.2 % that plans may add. EEVEE's own fog misses 10 % and
-    more, since it does not dim the light on its way to what stands in the fog.
+    Cycles' volumes have no bias, so the compositor's must be below the 0.2 % that plans may add. EEVEE's own fog misses up to 5 %, and
+    more in its pattern.
     """
     return {CYCLES: 0.002, EEVEE: 0.05}[engine]
 

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..physics import atmosphere, grid, projector
@@ -10,7 +12,7 @@ from ..physics import phase as phase_functions
 from ..physics.transmittance import height_optical_depth
 from ..scene import geometry, noise
 from ..scene.model import (
-    AnyPhase, Dust, ExponentialAltitude, ExponentialHeight, Grid, Hull, MiePhase, NoiseShape, Projector, RayleighPhase, Scene,
+    AnyPhase, Dust, ExponentialAltitude, ExponentialHeight, Grid, Homogeneous, Hull, MiePhase, NoiseShape, Projector, RayleighPhase, Scene,
     Spot, Sun, Volume,
 )
 
@@ -99,6 +101,17 @@ def density_depth(volume: Volume, origin: Array, direction: Array, limit: Array 
         case Grid():
             return grid.grid_optical_depth(density.values, density.low, density.high, start, direction, length)
     return length
+
+
+def mean_depth(volume: Volume, origin: Array, direction: Array, limit: Array | float) -> Array:
+    """As ``density_depth``, where dust has its mean density, 1."""
+    return density_depth(evened(volume), origin, direction, limit)
+
+
+def evened(volume: Volume) -> Volume:
+    """The volume with its mean density in place of dust."""
+    medium = volume.medium
+    return replace(volume, medium=replace(medium, density=Homogeneous())) if isinstance(medium.density, Dust) else volume
 
 
 def optical_depth(scene: Scene, origin: Array, direction: Array, limit: Array | float) -> Array:
