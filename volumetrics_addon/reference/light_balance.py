@@ -27,8 +27,10 @@ from . import optics, path_tracing
 Array = np.ndarray
 SIZE = 32  # pixels along the longer side of the picture whose means these are
 STRATA = 16  # of a ray, and directions to the sky from its end
-ORDERS_PATHS = 64  # of each pixel, for many orders
+PATHS, SURFACE_PATHS = 64, 16  # of each pixel, for many orders; of those that leave surfaces
+NEAR = 10.0  # smallest distances before a surface at which the latter begin
 VOXELS = 48  # along the longest side of noise
+DARK: Color = (0.0, 0.0, 0.0)
 WHOLE: Color = (1.0, 1.0, 1.0)
 MOST = 100.0  # share; a light that single scattering hardly shows
 
@@ -73,9 +75,25 @@ def balance(scene: Scene, aspect: float = 1.0, seed: int = 0) -> Balance:
     sky += sky_glow
     if scene.orders == 1:
         return Balance(tuple(map(_share, lamps)), tuple(map(_share, glow)), _share(sky))
-    backdrop = _background(scene, index) * np.exp(-optics.optical_depth(scene, origin, direction, hit))
-    shown = (lamps[:, 1].sum(axis=0), glow[:, 1].sum(axis=0), sky[1])
-    return _many_orders(scene, width, height, *(part / len(hit) for part in shown), backdrop.mean(axis=0), seed)
+    through = np.exp(-optics.optical_depth(scene, origin, direction, hit))
+    by_sky = replace(scene, lights=(), surfaces=tuple(replace(surface, emission=DARK) for surface in scene.surfaces))
+    by_lamps = replace(by_sky, lights=scene.lights, environment=DARK)
+
+    def traced(part: Scene) -> Array:
+        return path_tracing.render(part, width, height, repeats=1, strata=2, samples=PATHS, seed=seed).image.mean(axis=(0, 1))
+
+    surfaces = media = of_sky = WHOLE
+    if scene.lights:
+        rows = np.flatnonzero(index >= 0)
+        near = origin[rows] + np.maximum(hit[rows] - NEAR * epsilon, 0.0)[:, None] * direction[rows]
+        leaving = sum(path_tracing.radiance(by_lamps, near, direction[rows], rng)[0] for _ in range(SURFACE_PATHS)) / SURFACE_PATHS
+        seen = (leaving * through[rows]).sum(axis=0)
+        surfaces = _share(np.stack([seen, lamps[:, 1].sum(axis=0)]))
+        media = _share(np.stack([traced(by_lamps) * len(hit) - seen, glow[:, 1].sum(axis=0)]))
+    if max(scene.environment) > 0.0:
+        backdrop = (np.array(scene.environment) * through[index < 0]).sum(axis=0)
+        of_sky = _share(np.stack([traced(by_sky) * len(hit) - backdrop, sky[1]]))
+    return Balance((surfaces,) * len(scene.lights), (media,) * len(scene.lights), of_sky)
 
 
 def _with_known_depth(volume: Volume) -> Volume:
@@ -169,29 +187,3 @@ def _frustum_depth(scene: Scene, aspect: float, position: Array, toward: Array) 
     inside = low < high
     start = position + np.where(inside, low, 0.0)[:, None] * toward
     return optics.optical_depth(scene, start, toward, np.where(inside, high - low, 0.0))
-
-
-def _many_orders(scene: Scene, width: int, height: int, on_surfaces: Array, in_media: Array, sky: Array, backdrop: Array,
-                 seed: int) -> Balance:
-    """By path tracing, from the means (3,) that the engine shows of lamps and sky, and the mean of what lies behind."""
-    night = replace(scene, environment=(0.0, 0.0, 0.0))
-    black = replace(night, surfaces=tuple(replace(surface, albedo=(0.0, 0.0, 0.0)) for surface in scene.surfaces))
-
-    def mean(part: Scene) -> Array:
-        return path_tracing.render(part, width, height, repeats=1, strata=2, samples=ORDERS_PATHS, seed=seed).image.mean(axis=(0, 1))
-
-    surfaces = media = of_sky = WHOLE
-    if scene.lights:
-        glow, lit = mean(black), mean(night)
-        surfaces, media = _share(np.stack([lit - glow, on_surfaces])), _share(np.stack([glow, in_media]))
-    if max(scene.environment) > 0.0:
-        of_sky = _share(np.stack([mean(replace(scene, lights=())) - backdrop, sky]))
-    return Balance((surfaces,) * len(scene.lights), (media,) * len(scene.lights), of_sky)
-
-
-def _background(scene: Scene, index: Array) -> Array:
-    """Radiance (n, 3) of the sky itself, and of what shines by itself, by the index of the surface that a ray meets."""
-    radiance = np.tile(np.array(scene.environment, float), (len(index), 1))
-    for i, surface in enumerate(scene.surfaces):
-        radiance[index == i] = surface.emission
-    return radiance
