@@ -128,6 +128,40 @@ def scene():
     bpy.ops.wm.read_factory_settings()
 
 
+def test_a_denoised_picture_states_an_error_that_holds(scene):
+    """Against 4096 samples, whose own noise is a tenth of it."""
+    wanted = {"seconds": 1e3, "round_samples": 1, "most_samples": 8, "seed": 5}
+    plain, better = (converge.render(scene, "cycles", 48, 32, denoise=denoise, **wanted) for denoise in (False, True))
+    with stage.of_scene(scene, "cycles") as on:
+        truth = on.shoot(48, 32, 4096, 99)
+    error = [np.sqrt(np.mean((made.image - truth) ** 2)) / truth.mean() for made in (plain, better)]
+    assert plain.denoised is None and better.denoised is not None
+    assert error[1] < 0.7 * error[0]  # it pays
+    assert error[1] <= better.denoised.upper < plain.noise_upper
+    assert better.noise == plain.noise and (better.rounds, better.samples) == (8, 1)
+    assert [decision.rule for decision in better.decisions][-1] == "denoising"
+    assert better.to_json()["denoised"].keys() == {"value", "upper", "mean_change"}
+
+
+def test_denoising_ends_a_render_sooner_and_resumed_at_the_same_pixels(scene, tmp_path, monkeypatch):
+    without_bias(monkeypatch)
+    file = tmp_path / ".x.partial.npz"
+    wanted = {"error": 0.05, "round_samples": 1, "most_samples": 4096, "denoise": True, "digest": "mine"}
+    whole = converge.render(scene, "cycles", 48, 32, **wanted)
+    assert whole.reached and whole.stopped == "error" and whole.denoised is not None
+    assert whole.noise_upper > 0.05  # more rounds would have been needed
+    with pytest.raises(KeyboardInterrupt):
+        converge.render(scene, "cycles", 48, 32, **wanted, checkpoint=file, progress=Interruption(whole.rounds - 1))
+    resumed = converge.render(scene, "cycles", 48, 32, **wanted, checkpoint=file)
+    assert resumed.rounds == whole.rounds
+    np.testing.assert_array_equal(resumed.image, whole.image)
+
+
+def test_a_picture_of_few_pixels_is_not_denoised(scene):
+    made = converge.render(scene, "cycles", 16, 8, seconds=1e3, round_samples=1, most_samples=8, denoise=True)
+    assert made.denoised is None
+
+
 TOUCHED = ("cycles.samples", "cycles.sample_offset", "cycles.use_sample_subset", "cycles.sample_subset_length", "cycles.seed",
            "cycles.use_adaptive_sampling", "cycles.use_denoising", "cycles.time_limit", "cycles.sampling_pattern",
            "cycles.use_animated_seed", "cycles.volume_step_rate", "cycles.sample_clamp_indirect", "eevee.taa_render_samples",

@@ -6,6 +6,9 @@ noise, measured from the spread of the rounds, and bias, measured once on a smal
 what it stays under with 95 % confidence (plan.effort.noise_bound, bias.Bias), and a target is reached when both together are
 below it.
 
+A picture may be denoised: two halves of the rounds are, and their mean is the picture, whose error is told by comparing each with
+the other half (compare.held_out). It is taken where it is closer than the rounds' own mean, and a round is then shorter.
+
 Cycles renders rounds of equally many samples with the seeds ``seed``, ``seed`` + 1, ... and the picture is their mean. A pilot
 settles the samples of a round, from the variance and times it measures; from there on times decide only where to stop, so that
 equally many rounds of equally many samples are the same pixels to the last bit. EEVEE has no seeds: it climbs a ladder of
@@ -27,6 +30,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..compare import held_out
 from ..compare.rounds import Rounds
 from ..parameters.preset import Preset
 from ..plan import effort
@@ -37,6 +41,7 @@ from ..scene.model import Scene
 from . import bias as bias_of_pictures
 from . import identity, settings, stage
 from .bias import Bias
+from .denoising import denoised
 from .stage import Stage
 
 PILOT_SIZE = 64  # pixels along the longer side, of the picture that is timed
@@ -54,6 +59,9 @@ PILOT_SEED = 1 << 30  # and upwards: none of a picture's own
 FIRST_RUNG, RUNG = 4, 4  # samples of EEVEE's first picture, and the factor to the next
 MOST_EEVEE_SAMPLES = 1 << 14
 SAVE_SECONDS = 5.0  # between two checkpoints
+DENOISED = 3.0  # by which denoising lessens the noise, as rounds are planned
+LEAST_PIXELS = 1024  # of a picture that is denoised: fewer tell too little of its error
+DENOISING_COSTS = 0.25  # rounds are denoised again when so much of their number has come to them
 HEAVY = 0.5  # share of the spread that one round may have before it is told
 # Seconds of writing and reading a picture, for each of its pixels: part of every round, and too little to see in a pilot.
 PIXEL_SECONDS = 2.5e-7
@@ -63,11 +71,26 @@ Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
+class Denoised:
+    """What denoising makes of so many rounds: the picture, its relative RMSE and what that stays under with 95 % confidence,
+    noise included; ``mean_change``: of the picture's mean by it."""
+
+    image: np.ndarray = field(repr=False)
+    value: float
+    upper: float
+    mean_change: float
+
+    def to_json(self) -> dict[str, float]:
+        return {"value": self.value, "upper": self.upper, "mean_change": self.mean_change}
+
+
+@dataclass(frozen=True)
 class Converged:
     """A picture with its error, see the module. ``image`` and ``standard_error`` (height, width, 3), row 0 at the top.
 
     ``relative_error``, ``upper_bound``: noise and bias together, and what they stay under with 95 % confidence; ``noise`` and
     ``noise_upper``: noise alone. All are infinite where they are not known. ``bias``: None where it was not measured.
+    ``denoised``: None where the picture is not; ``noise`` and ``standard_error`` are those without.
     ``samples``: of each round. ``reached``: whether what was asked for is reached; ``stopped`` by "error", "time" or "samples";
     ``needed_seconds``: what the noise would take in all to be low enough for a target that was missed, None where it is.
     """
@@ -88,10 +111,12 @@ class Converged:
     resumed_rounds: int = 0
     notes: tuple[str, ...] = ()
     decisions: tuple[Decision, ...] = ()
+    denoised: Denoised | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The figures; null where one is infinite."""
         figures = {name: value for name, value in vars(self).items() if name not in ("image", "standard_error", "decisions")}
+        figures["denoised"] = self.denoised and self.denoised.to_json()
         figures["bias"] = None if self.bias is None else {name: _finite(value) for name, value in asdict(self.bias).items()}
         return {name: _finite(value) for name, value in figures.items()} | {
             "confidence": effort.CONFIDENCE, "decisions": [vars(decision) for decision in self.decisions]}
@@ -115,6 +140,7 @@ class _State:
     decisions: list[Decision] = field(default_factory=list)
     differences: list[float] = field(default_factory=list)  # EEVEE's ladder; its last picture is the only round
     rounds: Rounds = field(default_factory=Rounds)
+    denoised: tuple[int, Denoised] | None = None  # of so many rounds; follows from them, and is not kept in a file
 
 
 class Checkpoint:
@@ -177,6 +203,7 @@ class _Task:
     error: float | None
     seconds: float | None
     most_samples: int
+    denoise: bool
     progress: Progress
     say: Say
     started: float = field(default_factory=time.perf_counter)
@@ -190,7 +217,7 @@ def render(source: Preset | bpy.types.Scene, engine: str, width: int, height: in
            seconds: float | None = None, scene: Scene | None = None, seed: int = 0, round_samples: int | None = None,
            most_samples: int | None = None, checkpoint: Path | None = None, digest: str | None = None,
            save_seconds: float = SAVE_SECONDS, prepare: Callable[[bpy.types.Scene], None] | None = None,
-           without: Collection[str] = (), quiet: bool = True,
+           without: Collection[str] = (), denoise: bool = False, quiet: bool = True,
            progress: Progress | None = None, say: Say | None = None) -> Converged:
     """Render a preset, or a scene of the open file, until its relative error is ``error`` or ``seconds`` are spent.
 
@@ -198,7 +225,8 @@ def render(source: Preset | bpy.types.Scene, engine: str, width: int, height: in
     ``most_samples``: limit of all samples of a pixel. ``checkpoint``: file from which an interrupted render goes on, and to which
     it is saved; ``digest`` tells whose it is (``identity``), and for a Blender scene has to be given with it. It is removed
     when the target is reached, and kept where time or samples ended first, for a longer run. ``prepare`` is called with a
-    Blender scene before its first render; ``without`` names rules of a preset's plan that are switched off. Times count from the call, and over interruptions.
+    Blender scene before its first render; ``without`` names rules of a preset's plan that are switched off. ``denoise``: whether a
+    picture of Cycles may be denoised, where that brings it closer. Times count from the call, and over interruptions.
 
     Raises ValueError on values out of range, RenderError when the engine fails.
     """
@@ -208,7 +236,8 @@ def render(source: Preset | bpy.types.Scene, engine: str, width: int, height: in
     elif checkpoint is not None and not digest:
         raise ValueError("a checkpoint of a Blender scene needs a digest of its content; give one, such as identity.of_blend")
     limit = min(most_samples or MOST_SAMPLES, MOST_SAMPLES if engine == CYCLES else MOST_EEVEE_SAMPLES)
-    task = _Task(engine, width, height, seed, error, seconds, limit, progress or (lambda what, share: None),
+    task = _Task(engine, width, height, seed, error, seconds, limit,
+                 denoise and engine == CYCLES and width * height >= LEAST_PIXELS, progress or (lambda what, share: None),
                  say or (lambda text: None))
     file = Checkpoint(checkpoint, digest or "")
     state = file.load(task.say)
@@ -290,6 +319,7 @@ def _rounds(task: _Task, state: _State, file: Checkpoint, opened: Callable[[], A
             _measure_bias(task, state, on, source, scene)
             goal = _noise_goal(task, state)
             if goal is not None:
+                goal *= DENOISED if task.denoise else 1.0
                 state.pilot = effort.resolved(state.pilot, goal)
             left = None if task.seconds is None else max(1e-3, task.seconds - task.elapsed())
             planned = effort.schedule(state.pilot, goal, left, most_samples=task.most_samples,
@@ -354,6 +384,28 @@ def _noise(task: _Task, state: _State) -> tuple[float, float]:
     return (pair[0] / level, pair[1] / level) if level > 0.0 else (math.inf, math.inf)
 
 
+def _denoised(state: _State) -> Denoised | None:
+    """The rounds so far, denoised; None where a picture has no light."""
+    count, level = state.rounds.count, _level(state)
+    if level <= 0.0:
+        return None
+    if state.denoised is None or state.denoised[0] != count:
+        halves, variances = state.rounds.halves
+        pictures = [denoised(half) for half in halves]
+        value, upper = held_out.error(pictures, halves, variances)
+        image = (pictures[0] + pictures[1]) / 2.0
+        state.denoised = count, Denoised(image, value / level, upper / level, float(image.mean()) / level - 1.0)
+    return state.denoised[1]
+
+
+def _is_denoised_at(count: int) -> bool:
+    """Whether so many rounds are looked at denoised: the first that are enough, and then a quarter more each time."""
+    at = effort.ROUNDS
+    while at < count:
+        at += max(1, int(DENOISING_COSTS * at))
+    return at == count
+
+
 def _noise_goal(task: _Task, state: _State) -> float | None:
     return None if task.error is None else effort.noise_left(task.error, state.bias.upper if state.bias else 0.0)
 
@@ -365,8 +417,11 @@ def _stop(task: _Task, state: _State, took: list[float] | None = None) -> str:
         return ""
     goal = _noise_goal(task, state)
     enough = count >= effort.ROUNDS if task.engine == CYCLES else len(state.differences) > 1
-    if goal is not None and enough and _noise(task, state)[1] <= goal:
-        return "error"
+    if goal is not None and enough:
+        if _noise(task, state)[1] <= goal:
+            return "error"
+        if task.denoise and _is_denoised_at(count) and (better := _denoised(state)) and better.upper <= goal:
+            return "error"
     following = (count + 1) * state.samples if task.engine == CYCLES else RUNG * state.samples
     if following > task.most_samples:
         return "samples"
@@ -520,7 +575,9 @@ def _lifted(scene: bpy.types.Scene) -> Iterator[None]:
 def _result(task: _Task, state: _State, resumed: int) -> Converged:
     noise, noise_upper = _noise(task, state)
     bias, rounds = state.bias, state.rounds
-    upper = math.hypot(noise_upper, bias.upper if bias else 0.0)
+    better = _better(task, state)
+    value, value_upper = (better.value, better.upper) if better else (noise, noise_upper)
+    upper = math.hypot(value_upper, bias.upper if bias else 0.0)
     stopped = _stop(task, state) or "error"
     reached = upper <= task.error if task.error is not None else True
     notes = list(state.notes)
@@ -535,9 +592,25 @@ def _result(task: _Task, state: _State, resumed: int) -> Converged:
     error = rounds.standard_error
     if state.differences:  # a ladder knows no pixel by itself
         error = np.full_like(rounds.mean, effort.ladder_error(state.differences)[0])
-    return Converged(rounds.mean, error, math.hypot(noise, bias.value if bias else 0.0), upper, noise, noise_upper, bias,
-                     rounds.count, state.samples, task.elapsed(), reached, stopped, needed, resumed, tuple(notes),
-                     tuple(state.decisions))
+    decisions = state.decisions
+    if better:
+        decisions = [*decisions, Decision("denoising", "both halves of the rounds are denoised, the picture is their mean",
+                                          f"compared with the other half its error is below {better.upper:.2%}, that of the noise "
+                                          f"below {noise_upper:.2%}")]
+    return Converged(better.image if better else rounds.mean, error, math.hypot(value, bias.value if bias else 0.0), upper, noise,
+                     noise_upper, bias, rounds.count, state.samples, task.elapsed(), reached, stopped, needed, resumed, tuple(notes),
+                     tuple(decisions), better)
+
+
+def _better(task: _Task, state: _State) -> Denoised | None:
+    """The denoised picture where the noise does not reach the target and it is closer; None where the rounds' own mean is taken."""
+    if not task.denoise or state.rounds.count < effort.FEWEST_ROUNDS:
+        return None
+    upper, goal = _noise(task, state)[1], _noise_goal(task, state)
+    if goal is not None and upper <= goal:
+        return None
+    found = _denoised(state)
+    return found if found and found.upper < upper else None
 
 
 def _needed(task: _Task, state: _State, noise: float, noise_upper: float) -> float | None:

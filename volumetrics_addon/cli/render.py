@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace, progress: Any, say: Callable[[str], None]
         checkpoint.unlink(missing_ok=True)
     subject = _OfPreset(arguments, preset) if preset else _OfBlend(arguments)
     request = {"digest": subject.digest, **{option: getattr(arguments, option) for option in (
-        "error", "time", "samples", "round_samples", "max_samples")}}
+        "error", "time", "samples", "round_samples", "max_samples", "denoise")}}
     if not arguments.force and (known := _unchanged(out, request)):
         if arguments.json:
             print(json.dumps({**known, "unchanged": True}, indent=2))
@@ -203,7 +203,7 @@ def _converged(arguments: argparse.Namespace, subject: Any, checkpoint: Path, pr
         subject.source, subject.engine, subject.width, subject.height, error=arguments.error, seconds=arguments.time,
         seed=arguments.seed, round_samples=arguments.round_samples, most_samples=arguments.max_samples, checkpoint=checkpoint,
         digest=subject.pixels, prepare=subject.prepare, without=() if arguments.plan is not None else arguments.without,
-        quiet=not arguments.engine_output, progress=progress, say=say)
+        denoise=arguments.denoise, quiet=not arguments.engine_output, progress=progress, say=say)
     figures = result.to_json()
     figures["decisions"] = [*map(vars, getattr(subject, "planned", ())), *figures["decisions"]]
     return {"target": {"error": arguments.error, "seconds": arguments.time}, **figures}, result.image
@@ -254,6 +254,9 @@ def _told(out: Path, figures: dict[str, Any]) -> str:
     cost = f"{figures['rounds']} x {figures['samples']}" if figures["engine"] == CYCLES else f"{figures['samples']}"
     bias = figures["bias"]
     parts = f"noise {_share(figures['noise'])}"
+    if denoised := figures["denoised"]:
+        parts = (f"denoised {_share(denoised['value'])}, below {_share(denoised['upper'])} (mean {denoised['mean_change']:+.2%}), of a "
+                 f"noise of {_share(figures['noise'])}")
     if bias:
         low, high = bias["interval"]
         seen = f"bias {_share(bias['value'])}" if bias["value"] else "no bias seen"

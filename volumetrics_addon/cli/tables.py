@@ -10,7 +10,7 @@ from typing import Any
 from ..parameters.families import FAMILIES
 from ..parameters.preset import load, names
 from ..parameters.stage import PROP, STAGE
-from ..plan.catalogue import BY_NAME, PRESET_RULES, RULES
+from ..plan.catalogue import BY_NAME, PRESET_RULES, RULES, TARGET_RULES
 from ..plan.model import CYCLES, EEVEE, ENGINES
 
 _ENGINE_NAMES = {CYCLES: "Cycles", EEVEE: "EEVEE"}
@@ -51,9 +51,9 @@ def integrators() -> str:
 
 
 def rules() -> str:
-    """The rules for a user's own scene, and those by which presets are built."""
+    """The rules for a user's own scene, those by which presets are built, and those of renders to an error."""
     lines = []
-    for title, chosen in (("A scene of your own", RULES), ("Presets", PRESET_RULES)):
+    for title, chosen in (("A scene of your own", RULES), ("Presets", PRESET_RULES), ("To an error, or within a time", TARGET_RULES)):
         lines += [f"## {title}", "", "| rule | engines | applies where | leaves out | bound or error | gain | switched off by |",
                   "|---|---|---|---|---|---|---|"]
         for rule in chosen.values():

@@ -19,7 +19,7 @@ class Rounds:
     def __init__(self) -> None:
         self.count = 0
         self.squares: list[float] = []
-        self._first = self._sum = self._square_sum = np.zeros((0, 0, 3))
+        self._first = self._sum = self._even_sum = self._square_sum = np.zeros((0, 0, 3))
 
     def add(self, image: np.ndarray) -> None:
         """Raises ValueError where a pixel is not finite or the shape is another one."""
@@ -30,13 +30,15 @@ class Rounds:
                              "a division by zero or an infinite strength in the scene")
         if self.count == 0:
             self._first = image.copy()
-            self._sum, self._square_sum = np.zeros_like(image), np.zeros_like(image)
+            self._sum, self._even_sum, self._square_sum = (np.zeros_like(image) for _ in range(3))
         elif image.shape != self._first.shape:
             raise ValueError(f"round {self.count + 1} has the shape {image.shape}, those before it {self._first.shape}")
         deviation = image - self._first
         if self.count:
             self.squares.append(float(np.mean((deviation - self._sum / self.count) ** 2)) * self.count / (self.count + 1))
         self._sum += deviation
+        if self.count % 2 == 0:
+            self._even_sum += deviation
         self._square_sum += deviation**2
         self.count += 1
 
@@ -52,15 +54,25 @@ class Rounds:
         spread = np.maximum(0.0, self._square_sum - self._sum**2 / self.count)
         return np.sqrt(spread / (self.count - 1) / self.count)
 
+    @property
+    def halves(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        """Means of every second round from the first and from the second, and their variances, pixel by pixel; of two rounds at least."""
+        odd = self.count // 2
+        counts = self.count - odd, odd
+        means = self._first + self._even_sum / counts[0], self._first + (self._sum - self._even_sum) / counts[1]
+        variance = self.standard_error**2 * self.count
+        return means, tuple(variance / count for count in counts)
+
     def state(self) -> dict[str, np.ndarray]:
         """As arrays that can be saved."""
         return {"count": np.array(self.count), "squares": np.array(self.squares), "first": self._first, "sum": self._sum,
-                "square_sum": self._square_sum}
+                "even_sum": self._even_sum, "square_sum": self._square_sum}
 
     @classmethod
     def restored(cls, state: Mapping[str, Any]) -> "Rounds":
         """From what ``state`` gave: goes on to the last bit as if it had never been away."""
         result = cls()
         result.count, result.squares = int(state["count"]), [float(value) for value in state["squares"]]
-        result._first, result._sum, result._square_sum = (np.array(state[name]) for name in ("first", "sum", "square_sum"))
+        result._first, result._sum, result._even_sum, result._square_sum = (
+            np.array(state[name]) for name in ("first", "sum", "even_sum", "square_sum"))
         return result
