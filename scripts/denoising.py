@@ -9,6 +9,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+import bpy  # noqa: E402, F401  (bmesh comes with it)
 import numpy as np  # noqa: E402
 
 from volumetrics_addon.bench import usual  # noqa: E402

@@ -56,7 +56,11 @@ a time is moved around a base preset, in small pictures; what has to be set besi
 panel. Points are the mean error relative to the reference, bars its 95 % interval; the band is {TOLERANCE:.1%}. Beside each
 parameter stands its worst value; about one interval in twenty misses the true error. Pictures are small and samples few: a wide
 interval says that the sweep was short there, not that the engine is off. Octaves stand for many orders of scattering, of which the
-base follows six; they have errors by construction. EEVEE's own noise, of {EEVEE_SAMPLES} samples, counts as error.
+base follows six; they have errors by construction. EEVEE's own noise, of {EEVEE_SAMPLES} samples (4 in clouds, glass and air), counts as
+error. Of the values of fog and godrays seven in eight are within 5 % there, with the plan's own settings: two pixels and 128 slices to a
+froxel, volumetric shadows of 32 steps, lamps and sky dimmed to what arrives. Beyond it are falloffs and ends that EEVEE's lamps do not have,
+beams narrower than a froxel, blockers with gaps of a pixel, thick fogs under a low sun, layers thinner
+than a slice of froxels, and shafts in the compositor.
 """
 
 
