@@ -169,7 +169,7 @@ def explain(scene: Scene, engine: str, preset: Preset) -> list[str]:
             notes.append("EEVEE has one HG lobe, here with the mean cosine of the phase function")
         if note := eevee_lights(scene.lights):
             notes.append(note)
-        if any(baked) or light_balance.applies(scene):
+        if any(baked) or preset.parameters.get("eevee_light") == "scatter" or light_balance.applies(scene):
             if scene.surfaces:
                 notes.append("EEVEE does not dim the light that reaches surfaces through the medium")
             if max(scene.environment) > 0.0 and not all(baked):

@@ -178,7 +178,7 @@ def plan_of(preset: Preset, scene: Scene, engine: str, width: int, height: int, 
         if engine != CYCLES and not plan.compositor_fog and (reason := bakes_light(scene, volume, preset.parameters)):
             plan.decide("baked light", f"{light_resolution(volume, preset.parameters)} voxels along the longest side", reason)
     if not any(decision.rule == "baked light" for decision in plan.decisions):
-        _balance(scene, plan, width / height, 0)
+        _balance(scene, bodies(preset.family, preset.parameters, scene.volumes), plan, width / height, 0)
     return plan
 
 
@@ -203,9 +203,13 @@ def _baked_light(scene: Scene, bodies: Sequence[Body], plan: Plan, seed: int) ->
     return result
 
 
-def _balance(scene: Scene, plan: Plan, aspect: float, seed: int) -> Balance | None:
-    """What EEVEE's lights are dimmed to, where they shine through media that do not dim them."""
-    if plan.engine == CYCLES or plan.compositor_fog or not plan.may("dimmed light") or light_balance.applies(scene):
+def _balance(scene: Scene, bodies: Sequence[Body], plan: Plan, aspect: float, seed: int) -> Balance | None:
+    """What EEVEE's lights are dimmed to, where they shine through media that do not dim them.
+
+    A body that asks for EEVEE's own scattering gets it as it is.
+    """
+    if plan.engine == CYCLES or plan.compositor_fog or not plan.may("dimmed light") or light_balance.applies(scene) or any(
+            body.values.get("eevee_light") == "scatter" for body in bodies):
         return None
     balance = light_balance.balance(scene, aspect, seed)
     shares = [min(share) for share in balance.surfaces + (balance.sky,)]
@@ -245,11 +249,11 @@ def staged(scene: Scene, bodies: Sequence[Body], label: str, engine: str, sample
     with build.temporary():
         if plan.channels_apart:
             yield plan, [build.build(grey, [channel_body(body, index) for body in bodies], plan, label,
-                                     balance=_balance(grey, plan, aspect, seed))
+                                     balance=_balance(grey, bodies, plan, aspect, seed))
                          for index, grey in ((index, channel(scene, index)) for index in CHANNELS)]
         else:
             baked = {} if plan.compositor_fog else _baked_light(scene, bodies, plan, seed)
-            balance = None if baked else _balance(scene, plan, aspect, seed)
+            balance = None if baked else _balance(scene, bodies, plan, aspect, seed)
             yield plan, [build.build(scene, bodies, plan, label, baked, balance)]
 
 
