@@ -55,8 +55,7 @@ def test_two_spheres_share_no_data():
 
 def test_a_cavity_is_bounded_from_inside():
     outer, inner = Ellipsoid((0.0, 0.0, 0.0), HALF), Ellipsoid((0.0, 0.0, 0.0), tuple(0.5 * half for half in HALF))
-    mesh, _ = objects.mesh(outer, "shell")
-    objects.add_cavity(mesh, inner)
+    mesh, _ = objects.shell(outer, inner, "shell")
     assert enclosed(mesh) == pytest.approx((1.0 - 0.125) * 4.0 / 3.0 * math.pi * math.prod(HALF), rel=2e-6)
     assert set(edges(mesh).values()) == {2}
     bpy.data.meshes.remove(mesh)

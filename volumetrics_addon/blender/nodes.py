@@ -140,7 +140,9 @@ def arrange(tree: bpy.types.NodeTree, step: tuple[float, float] = (200.0, 170.0)
         if not moved:
             break
     filled: dict[int, int] = {}
-    for node, column in zip(index, rank):
+    places = []
+    for column in rank:
         row = filled.get(column, 0)
         filled[column] = row + 1
-        node.location = (-step[0] * column, -step[1] * row)
+        places += (-step[0] * column, -step[1] * row)
+    tree.nodes.foreach_set("location", places)  # all at once: Blender goes through the whole tree after every assignment

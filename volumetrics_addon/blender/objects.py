@@ -42,9 +42,7 @@ def mesh(shape: Shape, name: str, eye: tuple[float, float, float] | None = None)
         return rings(shape, eye, name)
     data = bpy.data.meshes.new(name)
     if isinstance(shape, Ellipsoid):
-        # The facets lie inside the sphere; equal volume makes the mean chord right.
-        vertices, triangles, swell = _unit_sphere_mesh()
-        _fill(data, vertices * np.array(shape.half, np.float32) * np.float32(swell), [triangles])
+        _fill(data, *_ellipsoid(shape))
         return data, placement(shape)
     build = bmesh.new()
     match shape:
@@ -169,20 +167,23 @@ def _unit_sphere_mesh() -> tuple[np.ndarray, np.ndarray, float]:
     return vertices, triangles, swell
 
 
-def add_cavity(data: bpy.types.Mesh, cavity: Ellipsoid) -> None:
-    """Add the surface of a cavity, whose normals point into it: one mesh then bounds the wall on both sides."""
-    inner, _ = mesh(cavity, "cavity")
-    (outside, outer_faces), (inside, inner_faces) = map(_triangles, (data, inner))
-    data.clear_geometry()
-    _fill(data, np.concatenate([outside, inside]), [outer_faces, inner_faces[:, ::-1] + len(outside)])
-    bpy.data.meshes.remove(inner)
+def _ellipsoid(shape: Ellipsoid) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Vertices and faces. The facets lie inside the ellipsoid; equal volume makes the mean chord right."""
+    vertices, triangles, swell = _unit_sphere_mesh()
+    return vertices * np.array(shape.half, np.float32) * np.float32(swell), [triangles]
+
+
+def shell(outer: Ellipsoid, cavity: Ellipsoid, name: str) -> tuple[bpy.types.Mesh, Matrix]:
+    """As ``mesh``, of a wall: one mesh bounds it on both sides, and the normals of the inner one point into the cavity."""
+    data = bpy.data.meshes.new(name)
+    (outside, (faces,)), (inside, _) = map(_ellipsoid, (outer, cavity))
+    _fill(data, np.concatenate([outside, inside]), [faces, faces[:, ::-1] + len(outside)])
+    return data, placement(outer)
 
 
 def body(shape: Shape, name: str, material: bpy.types.Material, collection: bpy.types.Collection,
          eye: tuple[float, float, float] | None = None, cavity: Ellipsoid | None = None) -> bpy.types.Object:
-    data, where = mesh(shape, name, eye)
-    if cavity is not None:
-        add_cavity(data, cavity)
+    data, where = shell(shape, cavity, name) if cavity is not None else mesh(shape, name, eye)
     data.materials.append(material)
     result = bpy.data.objects.new(name, data)
     result.matrix_world = where
