@@ -173,6 +173,7 @@ WRONG_USAGE = [
     (["render", "tea-glass", "--time", "5s", "--samples", "8"], "--max-samples"),
     (["render", "tea-glass", "--max-samples", "8"], "belongs to --error or --time"),
     (["render", "tea-glass", "--round-samples", "8"], "belongs to --error or --time"),
+    (["render", "tea-glass", "--no-denoise"], "belongs to --error or --time"),
     (["render", "tea-glass", "--error", "1%", "--round-samples", "8", "--max-samples", "4"], "above --max-samples 4"),
     (["render", "tea-glass", "--frame", "3"], "for .blend files"), (["render", "missing.blend"], "no such file"),
     (["render", "missing.blend", "--glass.ior", "1.4"], "is for presets"),
@@ -593,3 +594,18 @@ def test_interrupt_stops_a_render_and_leaves_nothing(tmp_path):
     assert process.returncode == INTERRUPTED
     assert b"interrupted" in errors and b"Traceback" not in errors
     assert list(out.iterdir()) == [] and list(temporary.iterdir()) == []
+
+
+@pytest.mark.parametrize("options, expected", [([], True), (["--no-denoise"], False)])
+def test_a_render_to_an_error_may_be_denoised_unless_that_is_switched_off(options, expected, monkeypatch, tmp_path):
+    from volumetrics_addon.blender import converge
+
+    asked = []
+
+    def render(*arguments, **options):
+        asked.append(options["denoise"])
+        raise ValueError("far enough")
+
+    monkeypatch.setattr(converge, "render", render)
+    assert main(["render", "tea-glass", "--error", "5%", "--out", str(tmp_path / "x.exr"), *options]) != 0
+    assert asked == [expected]

@@ -34,6 +34,7 @@ from ..compare import held_out
 from ..compare.rounds import Rounds
 from ..parameters.preset import Preset
 from ..plan import effort
+from ..plan.catalogue import LEAST_PIXELS
 from ..plan.effort import Pilot
 from ..plan.model import CYCLES, EEVEE, Decision
 from ..plan.rules import MOST_SAMPLES
@@ -60,7 +61,6 @@ FIRST_RUNG, RUNG = 4, 4  # samples of EEVEE's first picture, and the factor to t
 MOST_EEVEE_SAMPLES = 1 << 14
 SAVE_SECONDS = 5.0  # between two checkpoints
 DENOISED = 3.0  # by which denoising lessens the noise, as rounds are planned
-LEAST_PIXELS = 1024  # of a picture that is denoised: fewer tell too little of its error
 DENOISING_COSTS = 0.25  # rounds are denoised again when so much of their number has come to them
 HEAVY = 0.5  # share of the spread that one round may have before it is told
 # Seconds of writing and reading a picture, for each of its pixels: part of every round, and too little to see in a pilot.

@@ -73,6 +73,8 @@ def _check(arguments: argparse.Namespace, targeted: bool) -> None:
     for name in ("round_samples", "max_samples"):
         if not targeted and getattr(arguments, name) is not None:
             raise ParameterError(f"--{name.replace('_', '-')} belongs to --error or --time; give one of them, or --samples")
+    if not targeted and not arguments.denoise:
+        raise ParameterError("--no-denoise belongs to --error or --time; pictures of so many samples are not denoised")
     if arguments.round_samples and arguments.max_samples and arguments.round_samples > arguments.max_samples:
         raise ParameterError(f"--round-samples {arguments.round_samples} is above --max-samples {arguments.max_samples}; lower it")
 

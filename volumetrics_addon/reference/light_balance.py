@@ -145,9 +145,7 @@ def _in_media(scene: Scene, aspect: float, origin: Array, direction: Array, hit:
     for volume in scene.volumes:
         if not volume.medium.scatters:
             continue
-        near, far = geometry.interval(volume.domain, origin, direction)
-        near, far = np.maximum(near, 0.0), np.minimum(far, hit)
-        rows = np.flatnonzero(near < far)
+        near, far, rows = geometry.crossed(volume.domain, origin, direction, hit)
         length, along = (far - near)[rows], direction[rows]
         for stratum in range(STRATA):
             t = near[rows] + (stratum + rng.random(len(rows))) / STRATA * length

@@ -268,9 +268,7 @@ def _ambient_scattering(scene: Scene, origin: Array, direction: Array, hit: Arra
     for volume in scene.volumes:
         if not volume.medium.glows:
             continue
-        near, far = geometry.interval(volume.domain, origin, direction)
-        near, far = np.maximum(near, 0.0), np.minimum(far, hit)
-        ray = np.flatnonzero(near < far)
+        near, far, ray = geometry.crossed(volume.domain, origin, direction, hit)
         ends = [end[ray] for other in scene.volumes for end in geometry.interval(other.domain, origin, direction)]
         edges = np.sort(np.clip(np.stack(ends, axis=1), near[ray, None], far[ray, None]), axis=1)
         row, column = np.nonzero(np.diff(edges, axis=1) > 0.0)
@@ -339,9 +337,7 @@ def environment_scattering(scene: Scene, origin: Array, direction: Array, hit: A
     for volume in scene.volumes:
         if not volume.medium.scatters:
             continue
-        near, far = geometry.interval(volume.domain, origin, direction)
-        near, far = np.maximum(near, 0.0), np.minimum(far, hit)
-        rows = np.flatnonzero(near < far)
+        near, far, rows = geometry.crossed(volume.domain, origin, direction, hit)
         if not len(rows):
             continue
         o, d = origin[rows], direction[rows]

@@ -271,6 +271,13 @@ def _ellipsoid_shadow(shape: Ellipsoid, origin: Array, direction: Array, light: 
             np.maximum(np.where(shaded, high, -np.inf), np.where(body, far, -np.inf)))
 
 
+def crossed(shape: Shape, origin: Array, direction: Array, hit: Array) -> tuple[Array, Array, Array]:
+    """Entry and exit (n,) of rays into a convex shape before they end at ``hit`` (n,), and the rows (m,) of those that cross it."""
+    near, far = interval(shape, origin, direction)
+    near, far = np.maximum(near, 0.0), np.minimum(far, hit)
+    return near, far, np.flatnonzero(near < far)
+
+
 def contains(shape: Shape, position: Array) -> Array:
     """Whether positions (n, 3) lie in the shape."""
     match shape:
