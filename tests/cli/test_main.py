@@ -174,6 +174,7 @@ WRONG_USAGE = [
     (["render", "tea-glass", "--max-samples", "8"], "belongs to --error or --time"),
     (["render", "tea-glass", "--round-samples", "8"], "belongs to --error or --time"),
     (["render", "tea-glass", "--no-denoise"], "belongs to --error or --time"),
+    (["render", "tea-glass", "--no-allocate"], "belongs to --error or --time"),
     (["render", "tea-glass", "--error", "1%", "--round-samples", "8", "--max-samples", "4"], "above --max-samples 4"),
     (["render", "tea-glass", "--frame", "3"], "for .blend files"), (["render", "missing.blend"], "no such file"),
     (["render", "missing.blend", "--glass.ior", "1.4"], "is for presets"),
@@ -596,14 +597,15 @@ def test_interrupt_stops_a_render_and_leaves_nothing(tmp_path):
     assert list(out.iterdir()) == [] and list(temporary.iterdir()) == []
 
 
-@pytest.mark.parametrize("options, expected", [([], True), (["--no-denoise"], False)])
-def test_a_render_to_an_error_may_be_denoised_unless_that_is_switched_off(options, expected, monkeypatch, tmp_path):
+@pytest.mark.parametrize("options, expected", [([], (True, True)), (["--no-denoise"], (False, True)),
+                                               (["--no-allocate"], (True, False))])
+def test_a_render_to_an_error_is_denoised_and_allocated_unless_that_is_switched_off(options, expected, monkeypatch, tmp_path):
     from volumetrics_addon.blender import converge
 
     asked = []
 
     def render(*arguments, **options):
-        asked.append(options["denoise"])
+        asked.append((options["denoise"], options["allocate"]))
         raise ValueError("far enough")
 
     monkeypatch.setattr(converge, "render", render)

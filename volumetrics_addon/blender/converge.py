@@ -9,6 +9,9 @@ below it.
 A picture may be denoised: two halves of the rounds are, and their mean is the picture, whose error is told by comparing each with
 the other half (compare.held_out). It is taken where it is closer than the rounds' own mean, and a round is then shorter.
 
+Where a pilot finds the noise in few places, a round is rendered in rectangles with samples of their own (compare.allocation), all
+rounds alike.
+
 Cycles renders rounds of equally many samples with the seeds ``seed``, ``seed`` + 1, ... and the picture is their mean. A pilot
 settles the samples of a round, from the variance and times it measures; from there on times decide only where to stop, so that
 equally many rounds of equally many samples are the same pixels to the last bit. EEVEE has no seeds: it climbs a ladder of
@@ -30,7 +33,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..compare import held_out
+from ..compare import allocation, held_out
+from ..compare.allocation import Allocation, Region
 from ..compare.rounds import Rounds
 from ..parameters.preset import Preset
 from ..plan import effort
@@ -60,6 +64,10 @@ PILOT_SEED = 1 << 30  # and upwards: none of a picture's own
 FIRST_RUNG, RUNG = 4, 4  # samples of EEVEE's first picture, and the factor to the next
 MOST_EEVEE_SAMPLES = 1 << 14
 SAVE_SECONDS = 5.0  # between two checkpoints
+ALLOCATION_SHARE = 0.04  # of the seconds that a picture is expected to take, for finding where its noise is
+ALLOCATION_PICTURES = 4  # of that pilot: two halves, each of which tells a variance
+ALLOCATION_SAMPLES = 1024  # of each, at most
+ALLOCATION_GAIN = 1.1  # in samples at equal error, at least
 DENOISED = 3.0  # by which denoising lessens the noise, as rounds are planned
 DENOISING_COSTS = 0.25  # rounds are denoised again when so much of their number has come to them
 HEAVY = 0.5  # share of the spread that one round may have before it is told
@@ -91,7 +99,8 @@ class Converged:
     ``relative_error``, ``upper_bound``: noise and bias together, and what they stay under with 95 % confidence; ``noise`` and
     ``noise_upper``: noise alone. All are infinite where they are not known. ``bias``: None where it was not measured.
     ``denoised``: None where the picture is not; ``noise`` and ``standard_error`` are those without.
-    ``samples``: of each round. ``reached``: whether what was asked for is reached; ``stopped`` by "error", "time" or "samples";
+    ``samples``: of each round, the most that a pixel has on average where ``regions`` have their own.
+    ``reached``: whether what was asked for is reached; ``stopped`` by "error", "time" or "samples";
     ``needed_seconds``: what the noise would take in all to be low enough for a target that was missed, None where it is.
     """
 
@@ -112,11 +121,13 @@ class Converged:
     notes: tuple[str, ...] = ()
     decisions: tuple[Decision, ...] = ()
     denoised: Denoised | None = None
+    regions: tuple[Region, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The figures; null where one is infinite."""
         figures = {name: value for name, value in vars(self).items() if name not in ("image", "standard_error", "decisions")}
         figures["denoised"] = self.denoised and self.denoised.to_json()
+        figures["regions"] = [asdict(region) for region in self.regions]
         figures["bias"] = None if self.bias is None else {name: _finite(value) for name, value in asdict(self.bias).items()}
         return {name: _finite(value) for name, value in figures.items()} | {
             "confidence": effort.CONFIDENCE, "decisions": [vars(decision) for decision in self.decisions]}
@@ -140,6 +151,7 @@ class _State:
     decisions: list[Decision] = field(default_factory=list)
     differences: list[float] = field(default_factory=list)  # EEVEE's ladder; its last picture is the only round
     rounds: Rounds = field(default_factory=Rounds)
+    regions: list[Region] = field(default_factory=list)  # of a round; none where all its pixels have equally many samples
     denoised: tuple[int, Denoised] | None = None  # of so many rounds; follows from them, and is not kept in a file
 
 
@@ -166,14 +178,16 @@ class Checkpoint:
         known = meta["bias"] and Bias(**meta["bias"] | {"interval": tuple(meta["bias"]["interval"])})
         pilot = meta["pilot"] and Pilot(**meta["pilot"] | {"by_samples": ()})
         return _State(meta["samples"], meta["seconds"], pilot, known, meta["notes"],
-                      [Decision(**values) for values in meta["decisions"]], meta["differences"], rounds)
+                      [Decision(**values) for values in meta["decisions"]], meta["differences"], rounds,
+                      [Region(**values) for values in meta["regions"]])
 
     def save(self, state: _State, seconds: float) -> None:
         if self.path is None:
             return
         meta = {"digest": self.digest, "samples": state.samples, "seconds": seconds, "notes": state.notes,
                 "pilot": state.pilot and asdict(state.pilot), "bias": state.bias and asdict(state.bias),
-                "decisions": [vars(decision) for decision in state.decisions], "differences": state.differences}
+                "decisions": [vars(decision) for decision in state.decisions], "differences": state.differences,
+                "regions": [asdict(region) for region in state.regions]}
         self.path.parent.mkdir(parents=True, exist_ok=True)
         partial = self.path.with_name(f"{self.path.name}.{os.getpid()}.npz")
         try:
@@ -204,6 +218,7 @@ class _Task:
     seconds: float | None
     most_samples: int
     denoise: bool
+    allocate: bool
     progress: Progress
     say: Say
     started: float = field(default_factory=time.perf_counter)
@@ -217,7 +232,7 @@ def render(source: Preset | bpy.types.Scene, engine: str, width: int, height: in
            seconds: float | None = None, scene: Scene | None = None, seed: int = 0, round_samples: int | None = None,
            most_samples: int | None = None, checkpoint: Path | None = None, digest: str | None = None,
            save_seconds: float = SAVE_SECONDS, prepare: Callable[[bpy.types.Scene], None] | None = None,
-           without: Collection[str] = (), denoise: bool = False, quiet: bool = True,
+           without: Collection[str] = (), denoise: bool = False, allocate: bool = True, quiet: bool = True,
            progress: Progress | None = None, say: Say | None = None) -> Converged:
     """Render a preset, or a scene of the open file, until its relative error is ``error`` or ``seconds`` are spent.
 
@@ -226,7 +241,8 @@ def render(source: Preset | bpy.types.Scene, engine: str, width: int, height: in
     it is saved; ``digest`` tells whose it is (``identity``), and for a Blender scene has to be given with it. It is removed
     when the target is reached, and kept where time or samples ended first, for a longer run. ``prepare`` is called with a
     Blender scene before its first render; ``without`` names rules of a preset's plan that are switched off. ``denoise``: whether a
-    picture of Cycles may be denoised, where that brings it closer. Times count from the call, and over interruptions.
+    picture of Cycles may be denoised, where that brings it closer; ``allocate``: whether its samples may go where the noise is,
+    which ``round_samples`` excludes. Times count from the call, and over interruptions.
 
     Raises ValueError on values out of range, RenderError when the engine fails.
     """
@@ -237,12 +253,15 @@ def render(source: Preset | bpy.types.Scene, engine: str, width: int, height: in
         raise ValueError("a checkpoint of a Blender scene needs a digest of its content; give one, such as identity.of_blend")
     limit = min(most_samples or MOST_SAMPLES, MOST_SAMPLES if engine == CYCLES else MOST_EEVEE_SAMPLES)
     task = _Task(engine, width, height, seed, error, seconds, limit,
-                 denoise and engine == CYCLES and width * height >= LEAST_PIXELS, progress or (lambda what, share: None),
-                 say or (lambda text: None))
+                 denoise and engine == CYCLES and width * height >= LEAST_PIXELS, allocate and round_samples is None,
+                 progress or (lambda what, share: None), say or (lambda text: None))
     file = Checkpoint(checkpoint, digest or "")
     state = file.load(task.say)
     if state is not None and round_samples not in (None, state.samples) and engine == CYCLES:
         task.say(f"{checkpoint} has rounds of {state.samples} samples, {round_samples} are asked for; starting anew")
+        state = None
+    if state is not None and state.regions and not task.allocate:
+        task.say(f"{checkpoint} has rounds with more samples where the noise is, which is not wanted; starting anew")
         state = None
     resumed = 0
     if state is not None:
@@ -325,6 +344,8 @@ def _rounds(task: _Task, state: _State, file: Checkpoint, opened: Callable[[], A
             planned = effort.schedule(state.pilot, goal, left, most_samples=task.most_samples,
                                       samples=round_samples and min(round_samples, task.most_samples))
             state.samples = planned.samples
+            if task.allocate and on.divisible:
+                planned = _allocate(task, state, on, goal, planned)
             if task.error is not None and planned.seconds > 60.0:
                 task.say(f"about {planned.rounds} rounds of {planned.samples} samples, {planned.seconds:.0f} s")
         on.interrupted = _how_to_go_on(file.path) if file.path else on.interrupted
@@ -332,7 +353,7 @@ def _rounds(task: _Task, state: _State, file: Checkpoint, opened: Callable[[], A
         took: list[float] = []
         while not _stop(task, state, took):
             began = time.perf_counter()
-            state.rounds.add(on.shoot(task.width, task.height, state.samples, task.seed + state.rounds.count))
+            state.rounds.add(on.shoot(task.width, task.height, state.samples, task.seed + state.rounds.count, state.regions))
             took.append(time.perf_counter() - began)
             if time.perf_counter() - saved >= save_seconds:
                 file.save(state, task.elapsed())
@@ -363,6 +384,48 @@ def pilot(on: Stage, width: int, height: int, seconds: float | None = None) -> P
     pixels = width * height
     return Pilot(variances[-1][1], of_sample * pixels / (small[0] * small[1]),
                  max(0.0, single - of_sample) + PIXEL_SECONDS * pixels, tuple(variances))
+
+
+def _allocate(task: _Task, state: _State, on: Stage, goal: float | None, planned: effort.Schedule) -> effort.Schedule:
+    """Where a round has more samples than elsewhere, into the state; and what is then expected."""
+    allocated = allocated_samples(on, task.width, task.height, state.pilot, planned)
+    if allocated is None:
+        return planned
+    found, gain, state.pilot = allocated
+    left = None if task.seconds is None else max(1e-3, task.seconds - task.elapsed())
+    planned = effort.schedule(state.pilot, goal, left, most_samples=task.most_samples)
+    state.samples = planned.samples
+    state.regions = found.regions(task.width, task.height, state.samples)
+    counts = [region.samples for region in state.regions]
+    state.decisions.append(Decision(
+        "allocation", f"{len(counts)} rectangles with {min(counts)} to {max(counts)} samples a pixel in a round",
+        f"noise is in few places: a pilot's pictures tell that it takes {gain:.3g} times as many samples where every pixel has "
+        "equally many"))
+    return planned
+
+
+def allocated_samples(on: Stage, width: int, height: int, known: Pilot, planned: effort.Schedule
+                      ) -> tuple[Allocation, float, Pilot] | None:
+    """Where samples go, what it gains in samples at equal error, and the pilot with that gain and what the rectangles cost; None
+    where they do not pay.
+
+    Found on the small picture again, with random numbers that are not the picture's own.
+    """
+    small = stage.scaled_size(width, height, min(PILOT_SIZE, max(width, height)))
+    each = max(0.0, known.fixed_seconds - PIXEL_SECONDS * width * height)  # of a render, without its picture
+    of_sample = max(known.sample_seconds * small[0] * small[1] / (width * height), 1e-9)
+    samples = int(min(ALLOCATION_SAMPLES, (ALLOCATION_SHARE * planned.seconds / ALLOCATION_PICTURES - each) / of_sample))
+    if samples < 1:
+        return None
+    samples = effort.power_of_two(samples)
+    pictures = np.stack([on.shoot(*small, samples, PILOT_SEED + 4 + index) for index in range(ALLOCATION_PICTURES)])
+    seconds, region_seconds = planned.rounds * planned.samples * known.sample_seconds, planned.rounds * each
+    gain = allocation.held_out_gain(pictures, samples, seconds, region_seconds)
+    found = allocation.allocate(allocation.variance_of(pictures, samples), seconds, region_seconds)
+    extra = (len(found.cells) - 1) * each
+    if seconds / gain + planned.rounds * extra > seconds / ALLOCATION_GAIN:
+        return None
+    return found, gain, replace(known, variance=known.variance / gain, fixed_seconds=known.fixed_seconds + extra)
 
 
 def _timed(make: Callable[[], np.ndarray]) -> tuple[np.ndarray, float]:
@@ -599,7 +662,7 @@ def _result(task: _Task, state: _State, resumed: int) -> Converged:
                                           f"below {noise_upper:.2%}")]
     return Converged(better.image if better else rounds.mean, error, math.hypot(value, bias.value if bias else 0.0), upper, noise,
                      noise_upper, bias, rounds.count, state.samples, task.elapsed(), reached, stopped, needed, resumed, tuple(notes),
-                     tuple(decisions), better)
+                     tuple(decisions), better, tuple(state.regions))
 
 
 def _better(task: _Task, state: _State) -> Denoised | None:

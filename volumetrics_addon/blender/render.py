@@ -263,16 +263,24 @@ def together(parts: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def render_built(built: bpy.types.Scene, width: int, height: int, *, seed: int = 0, repeats: int = 1, quiet: bool = True,
-                 progress: Callable[[float], None] | None = None, interrupted: str = INTERRUPTED) -> np.ndarray:
+                 progress: Callable[[float], None] | None = None, interrupted: str = INTERRUPTED,
+                 region: tuple[int, int, int, int] | None = None) -> np.ndarray:
     """Images (repeats, height, width, 3) of a Blender scene, with consecutive seeds in Cycles; ``interrupted`` is said on Ctrl-C.
 
-    Raises RenderError when the engine writes no image.
+    ``region``: its pixels (left, top, right, bottom) alone, row 0 at the top, as they are in the whole picture; the scene's own
+    border is then replaced. Raises RenderError when the engine writes no image.
     """
     images = []
     render = built.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
     render.use_file_extension = True
     compat.select_exr(render.image_settings)
+    if region:
+        # a quarter of a pixel inside: edges are float32, and are cut to whole pixels
+        left, top, right, bottom = region
+        render.use_border = render.use_crop_to_border = True
+        render.border_min_x, render.border_max_x = (left + 0.25) / width, (right + 0.25) / width
+        render.border_min_y, render.border_max_y = (height - bottom + 0.25) / height, (height - top + 0.25) / height
     with tempfile.TemporaryDirectory(prefix="volumetrics") as folder:
         for repeat in range(repeats):
             built.cycles.seed = seed + repeat

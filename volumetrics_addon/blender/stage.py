@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..compare.allocation import Region
 from ..parameters.preset import Preset
 from ..plan.model import CYCLES, EEVEE, Decision
 from ..plan.rules import sample_settings
@@ -27,6 +28,8 @@ ROUND_SETTINGS = {
 }
 PICTURE_SETTINGS = {"render.use_sequencer": False, "render.use_stamp": False, "render.dither_intensity": 0.0,
                     "render.use_multiview": False}
+BORDER = ("render.use_border", "render.use_crop_to_border", "render.border_min_x", "render.border_max_x", "render.border_min_y",
+          "render.border_max_y")
 
 
 @dataclass
@@ -40,13 +43,40 @@ class Stage:
     interrupted: str = render.INTERRUPTED  # said on Ctrl-C
     decisions: list[Decision] = field(default_factory=list)
 
-    def shoot(self, width: int, height: int, samples: int, seed: int = 0) -> np.ndarray:
-        """An image (height, width, 3), float64. Raises RenderError."""
+    @property
+    def divisible(self) -> bool:
+        """Whether rectangles of the picture may be rendered by themselves: not where the compositor looks beyond a pixel, or the
+        scene has a border of its own."""
+        return self.engine == CYCLES and not any(_composited(scene) or scene.render.use_border for scene in self.scenes)
+
+    def shoot(self, width: int, height: int, samples: int, seed: int = 0, regions: Sequence[Region] = ()) -> np.ndarray:
+        """An image (height, width, 3), float64; ``regions``, which cover it, have their own samples. Raises RenderError."""
+        if not regions:
+            return self._shoot(width, height, samples, seed)
+        image = np.empty((height, width, 3))
+        kept = [{path: settings.get(scene, path) for path in BORDER} for scene in self.scenes]
+        try:
+            for one in regions:
+                edges = one.left, one.top, one.right, one.bottom
+                image[one.top:one.bottom, one.left:one.right] = self._shoot(width, height, one.samples, seed, edges)
+        finally:
+            for scene, before in zip(self.scenes, kept):
+                settings.restore(scene, before)
+        return image
+
+    def _shoot(self, width: int, height: int, samples: int, seed: int,
+               region: tuple[int, int, int, int] | None = None) -> np.ndarray:
         parts = []
         for scene in self.scenes:
             settings.apply(scene, sample_settings(self.engine, samples, self.first_included))
-            parts.append(render.render_built(scene, width, height, seed=seed, quiet=self.quiet, interrupted=self.interrupted)[0])
+            parts.append(render.render_built(scene, width, height, seed=seed, quiet=self.quiet, interrupted=self.interrupted,
+                                             region=region)[0])
         return render.together(parts)
+
+
+def _composited(scene: bpy.types.Scene) -> bool:
+    tree = compat.present_compositing_tree(scene) if scene.render.use_compositing else None
+    return tree is not None and any(node.bl_idname not in compat.PLAIN_COMPOSITING for node in tree.nodes)
 
 
 @contextmanager

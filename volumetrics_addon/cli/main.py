@@ -143,6 +143,8 @@ def parser(program: str) -> argparse.ArgumentParser:
                         "picture by no more than this (0.2%%), see the command plan; the file stays as it is")
     render.add_argument("--no-denoise", dest="denoise", action="store_false",
                         help="with --error or --time: leave the noise in the picture, also where a denoised one is closer to the truth")
+    render.add_argument("--no-allocate", dest="allocate", action="store_false",
+                        help="with --error or --time: equally many samples for every pixel, also where the noise is in few places")
     render.add_argument("--without", action="append", default=[], metavar="RULE", help="switch off a rule of the plan; may be repeated")
     render.add_argument("--force", action="store_true", help="render again although nothing has changed, and from the beginning")
 

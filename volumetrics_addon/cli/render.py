@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace, progress: Any, say: Callable[[str], None]
         checkpoint.unlink(missing_ok=True)
     subject = _OfPreset(arguments, preset) if preset else _OfBlend(arguments)
     request = {"digest": subject.digest, **{option: getattr(arguments, option) for option in (
-        "error", "time", "samples", "round_samples", "max_samples", "denoise")}}
+        "error", "time", "samples", "round_samples", "max_samples", "denoise", "allocate")}}
     if not arguments.force and (known := _unchanged(out, request)):
         if arguments.json:
             print(json.dumps({**known, "unchanged": True}, indent=2))
@@ -75,6 +75,8 @@ def _check(arguments: argparse.Namespace, targeted: bool) -> None:
             raise ParameterError(f"--{name.replace('_', '-')} belongs to --error or --time; give one of them, or --samples")
     if not targeted and not arguments.denoise:
         raise ParameterError("--no-denoise belongs to --error or --time; pictures of so many samples are not denoised")
+    if not targeted and not arguments.allocate:
+        raise ParameterError("--no-allocate belongs to --error or --time; otherwise all pixels have equally many samples")
     if arguments.round_samples and arguments.max_samples and arguments.round_samples > arguments.max_samples:
         raise ParameterError(f"--round-samples {arguments.round_samples} is above --max-samples {arguments.max_samples}; lower it")
 
@@ -205,7 +207,7 @@ def _converged(arguments: argparse.Namespace, subject: Any, checkpoint: Path, pr
         subject.source, subject.engine, subject.width, subject.height, error=arguments.error, seconds=arguments.time,
         seed=arguments.seed, round_samples=arguments.round_samples, most_samples=arguments.max_samples, checkpoint=checkpoint,
         digest=subject.pixels, prepare=subject.prepare, without=() if arguments.plan is not None else arguments.without,
-        denoise=arguments.denoise, quiet=not arguments.engine_output, progress=progress, say=say)
+        denoise=arguments.denoise, allocate=arguments.allocate, quiet=not arguments.engine_output, progress=progress, say=say)
     figures = result.to_json()
     figures["decisions"] = [*map(vars, getattr(subject, "planned", ())), *figures["decisions"]]
     return {"target": {"error": arguments.error, "seconds": arguments.time}, **figures}, result.image
@@ -254,6 +256,7 @@ def _told(out: Path, figures: dict[str, Any]) -> str:
     if "upper_bound" not in figures:
         return f"{head}{figures['samples']} samples, {figures['seconds']:.1f} s)"
     cost = f"{figures['rounds']} x {figures['samples']}" if figures["engine"] == CYCLES else f"{figures['samples']}"
+    shared = f" on average, in {len(figures['regions'])} rectangles" if figures.get("regions") else ""
     bias = figures["bias"]
     parts = f"noise {_share(figures['noise'])}"
     if denoised := figures["denoised"]:
@@ -264,7 +267,7 @@ def _told(out: Path, figures: dict[str, Any]) -> str:
         seen = f"bias {_share(bias['value'])}" if bias["value"] else "no bias seen"
         parts += (f", {seen}, below {_share(bias['upper'])} (mean {bias['mean']:+.2%} [{low:+.2%}, {high:+.2%}]) against "
                   f"{bias['against']} on {bias['width']} x {bias['height']} pixels")
-    return (f"{head}{cost} samples, {figures['seconds']:.1f} s)\n"
+    return (f"{head}{cost} samples{shared}, {figures['seconds']:.1f} s)\n"
             f"relative RMSE {_share(figures['relative_error'])}, below {_share(figures['upper_bound'])} with "
             f"{figures['confidence']:.0%} confidence: {parts}")
 
