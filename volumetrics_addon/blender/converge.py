@@ -67,6 +67,7 @@ SAVE_SECONDS = 5.0  # between two checkpoints
 ALLOCATION_SHARE = 0.04  # of the seconds that a picture is expected to take, for finding where its noise is
 ALLOCATION_PICTURES = 4  # of that pilot: two halves, each of which tells a variance
 ALLOCATION_SAMPLES = 1024  # of each, at most
+ALLOCATION_SIZE, ALLOCATION_ENOUGH = 256, 16  # pixels of its longer side at most, which is doubled where so many samples are left
 ALLOCATION_GAIN = 1.1  # in samples at equal error, at least
 DENOISED = 3.0  # by which denoising lessens the noise, as rounds are planned
 DENOISING_COSTS = 0.25  # rounds are denoised again when so much of their number has come to them
@@ -409,12 +410,16 @@ def allocated_samples(on: Stage, width: int, height: int, known: Pilot, planned:
     """Where samples go, what it gains in samples at equal error, and the pilot with that gain and what the rectangles cost; None
     where they do not pay.
 
-    Found on the small picture again, with random numbers that are not the picture's own.
+    Found on a small picture, as large as the time for it has enough samples, with random numbers that are not the picture's own.
     """
-    small = stage.scaled_size(width, height, min(PILOT_SIZE, max(width, height)))
+    longer = max(width, height)
     each = max(0.0, known.fixed_seconds - PIXEL_SECONDS * width * height)  # of a render, without its picture
-    of_sample = max(known.sample_seconds * small[0] * small[1] / (width * height), 1e-9)
-    samples = int(min(ALLOCATION_SAMPLES, (ALLOCATION_SHARE * planned.seconds / ALLOCATION_PICTURES - each) / of_sample))
+    of_path = max(known.sample_seconds / (width * height), 1e-12)
+    paths = (ALLOCATION_SHARE * planned.seconds / ALLOCATION_PICTURES - each) / of_path
+    small = stage.scaled_size(width, height, min(PILOT_SIZE, longer))
+    while 2 * max(small) <= min(longer, ALLOCATION_SIZE) and paths >= 4 * small[0] * small[1] * ALLOCATION_ENOUGH:
+        small = stage.scaled_size(width, height, 2 * max(small))
+    samples = int(min(ALLOCATION_SAMPLES, paths / (small[0] * small[1])))
     if samples < 1:
         return None
     samples = effort.power_of_two(samples)
