@@ -11,8 +11,9 @@ bpy = pytest.importorskip("bpy")
 
 from volumetrics_addon.bench import usual  # noqa: E402
 from volumetrics_addon.blender import compat, converge, settings, stage  # noqa: E402
-from volumetrics_addon.compare.allocation import Region  # noqa: E402
+from volumetrics_addon.compare.allocation import Region, allocate, variance_of  # noqa: E402
 from volumetrics_addon.parameters.preset import load  # noqa: E402
+from volumetrics_addon.plan.effort import Pilot, Schedule  # noqa: E402
 from volumetrics_addon.verify import scene_of  # noqa: E402
 
 WIDTH, HEIGHT = 48, 27
@@ -77,24 +78,90 @@ def test_compositing_that_looks_beyond_a_pixel_keeps_the_picture_in_one_piece(sp
 def test_samples_go_where_the_noise_is_and_the_error_holds(spot, monkeypatch):
     """Of equally many paths the rectangles have a fraction of the squared error, and the mean stays what it is."""
     monkeypatch.setattr(converge, "_measure_bias", lambda *arguments: None)
-    monkeypatch.setattr(converge, "ALLOCATION_SHARE", 10.0)  # of a picture of a second: enough to tell
-    wanted = {"error": 0.08, "denoise": False, "seed": 11}
-    even, made = (converge.render(spot, "cycles", WIDTH, HEIGHT, allocate=allocate, **wanted) for allocate in (False, True))
-    assert not even.regions and made.reached and made.upper_bound <= 0.08
-    assert [decision.rule for decision in made.decisions][-1] == "allocation"
-    assert made.to_json()["regions"][0].keys() == {"left", "top", "right", "bottom", "samples"}
-    covered = np.zeros((HEIGHT, WIDTH), int)
-    for one in made.regions:
-        covered[one.top:one.bottom, one.left:one.right] += 1
-    assert (covered == 1).all()
     with stage.of_scene(spot, "cycles") as on:
-        truth = np.mean([on.shoot(WIDTH, HEIGHT, 4096, 900 + index) for index in range(2)], axis=0)
-    paths = [even.rounds * even.samples * WIDTH * HEIGHT, made.rounds * sum(one.pixels * one.samples for one in made.regions)]
+        pictures = np.stack([on.shoot(WIDTH, HEIGHT, 64, 700 + index) for index in range(4)])
+        truth = on.shoot(WIDTH, HEIGHT, 8192, 900)
+    found = allocate(variance_of(pictures, 64), 10.0, 0.05)
+    assert len(found.cells) > 4
+    schedule = {"error": 1e-6, "denoise": False, "seed": 11, "most_samples": 8 * 64}
+
+    def fixed(task, state, on, goal, planned):
+        state.samples, state.regions = 64, found.regions(WIDTH, HEIGHT, 64) if task.seed == 12 else []
+        return replace(planned, samples=64)
+
+    monkeypatch.setattr(converge, "_allocate", fixed)
+    even, made = (converge.render(spot, "cycles", WIDTH, HEIGHT, **schedule | {"seed": seed}) for seed in (11, 12))
+    assert not even.regions and even.rounds == made.rounds == 8
+    assert made.to_json()["regions"][0].keys() == {"left", "top", "right", "bottom", "samples"}
+    assert sum(one.pixels for one in made.regions) == WIDTH * HEIGHT
+    paths = [64 * WIDTH * HEIGHT, sum(one.pixels * one.samples for one in made.regions)]
     squares = [np.mean((one.image - truth) ** 2) / truth.mean() ** 2 for one in (even, made)]
-    assert math.sqrt(squares[1]) < made.upper_bound
+    assert math.sqrt(squares[1]) < made.upper_bound and made.noise == pytest.approx(math.sqrt(squares[1]), rel=0.5)
     assert squares[1] * paths[1] < 0.6 * squares[0] * paths[0]
-    off = made.image.mean() / truth.mean() - 1.0
-    assert abs(off) < 4.0 * math.sqrt(np.mean(made.standard_error**2) / made.image.size) * math.sqrt(3.0) / truth.mean()
+    doubt = np.sqrt(np.sum(made.standard_error.mean(axis=-1) ** 2)) / (WIDTH * HEIGHT)  # channels share their paths
+    assert abs(made.image.mean() - truth.mean()) < 4.0 * doubt
+
+
+class Clocked:
+    """A stage whose noise and seconds are known, and its clock. Noise is in a square of the picture's height / 4; samples there take
+    ``slow`` times as long as others."""
+
+    def __init__(self, monkeypatch, deviation=5.0, elsewhere=0.1, slow=1.0, each=0.004, of_path=1e-6):
+        self.deviation, self.elsewhere, self.slow, self.each, self.of_path = deviation, elsewhere, slow, each, of_path
+        self.clock, self.asked = 0.0, []
+        monkeypatch.setattr(converge.time, "perf_counter", lambda: self.clock)
+
+    def shoot(self, width, height, samples, seed=0, regions=()):
+        self.asked.append((width, height, samples, len(regions)))
+        noisy = np.zeros((height, width), bool)
+        noisy[height // 4:height // 2, width // 2:width // 2 + height // 4] = True
+        counts = np.full((height, width), samples)
+        for one in regions:
+            counts[one.top:one.bottom, one.left:one.right] = one.samples
+        self.clock += max(1, len(regions)) * self.each + self.of_path * float((counts * np.where(noisy, self.slow, 1.0)).sum())
+        noise = np.random.default_rng(seed).normal(size=(height, width, 1))
+        return 1.0 + noise * np.where(noisy, self.deviation, self.elsewhere)[..., None] / np.sqrt(counts)[..., None] * np.ones(3)
+
+    def find(self, samples, width=320, height=180):
+        of_sample = self.of_path * width * height
+        known = Pilot(1.0, of_sample, self.each + converge.PIXEL_SECONDS * width * height)
+        return known, converge.allocated_samples(self, width, height, known, Schedule(samples, 8, 8 * known.seconds(samples)))
+
+
+def test_rectangles_are_found_and_what_they_gain_is_told(monkeypatch):
+    on = Clocked(monkeypatch)
+    known, (found, gain, pilot) = on.find(128)
+    # by its definition: 45 x 45 of 320 x 180 pixels with a deviation of 5, the rest 0.1; a fifth of the mean is the floor
+    share = 45 * 45 / (320 * 180)
+    floor = 0.2 * (share * 5.0 + (1.0 - share) * 0.1)
+    spread = share * math.hypot(5.0, floor) + (1.0 - share) * math.hypot(0.1, floor)
+    own = (share * 25.0 / math.hypot(5.0, floor) + (1.0 - share) * 0.01 / math.hypot(0.1, floor)) * spread
+    exact = (share * 25.0 + (1.0 - share) * 0.01) / own
+    assert 0.6 * exact < gain < 1.05 * exact
+    assert pilot.variance == pytest.approx(known.variance / gain, rel=0.02)
+    assert pilot.sample_seconds == pytest.approx(known.sample_seconds, rel=0.02)
+    assert pilot.fixed_seconds == pytest.approx(known.fixed_seconds + (len(found.cells) - 1) * on.each)
+    assert len(on.asked) == converge.ALLOCATION_PICTURES + 1 and on.asked[-1][3] == len(found.cells)
+    assert on.clock <= 1.5 * converge.ALLOCATION_SHARE * 8 * known.seconds(128)
+
+
+def test_the_small_picture_grows_with_the_time_there_is(monkeypatch):
+    sizes = []
+    for samples in (18, 64, 4096):
+        on = Clocked(monkeypatch)
+        on.find(samples)
+        sizes.append(on.asked[0][0] if on.asked else 0)
+    assert sizes == [64, 128, 256]
+
+
+@pytest.mark.parametrize("why, stage_is, samples", [
+    ("too short to tell", {}, 2),
+    ("noise is even", {"deviation": 0.1}, 128),
+    ("each rectangle has what a render does once", {"each": 2.0}, 128),
+    ("samples where the noise is take forty times as long", {"slow": 40.0, "deviation": 0.6}, 128),
+])
+def test_where_they_do_not_pay_every_pixel_has_equally_many(why, stage_is, samples, monkeypatch):
+    assert Clocked(monkeypatch, **stage_is).find(samples)[1] is None
 
 
 def test_resumed_rounds_have_the_same_rectangles_to_the_last_bit(spot, tmp_path, monkeypatch):

@@ -64,11 +64,13 @@ PILOT_SEED = 1 << 30  # and upwards: none of a picture's own
 FIRST_RUNG, RUNG = 4, 4  # samples of EEVEE's first picture, and the factor to the next
 MOST_EEVEE_SAMPLES = 1 << 14
 SAVE_SECONDS = 5.0  # between two checkpoints
-ALLOCATION_SHARE = 0.04  # of the seconds that a picture is expected to take, for finding where its noise is
+ALLOCATION_SHARE = 0.05  # of the seconds that a picture is expected to take, for finding where its noise is
+ALLOCATION_SECONDS = 0.1  # of the samples of each of that pilot's pictures, at least: shorter ones tell neither noise nor time
 ALLOCATION_PICTURES = 4  # of that pilot: two halves, each of which tells a variance
 ALLOCATION_SAMPLES = 1024  # of each, at most
 ALLOCATION_SIZE, ALLOCATION_ENOUGH = 256, 16  # pixels of its longer side at most, which is doubled where so many samples are left
-ALLOCATION_GAIN = 1.1  # in samples at equal error, at least
+ALLOCATION_GAIN = 1.2  # in seconds at equal error, at least
+TIMED_SHARE = 0.1  # of a short render's time, which its samples are taken to have at least
 DENOISED = 3.0  # by which denoising lessens the noise, as rounds are planned
 DENOISING_COSTS = 0.25  # rounds are denoised again when so much of their number has come to them
 HEAVY = 0.5  # share of the spread that one round may have before it is told
@@ -400,17 +402,17 @@ def _allocate(task: _Task, state: _State, on: Stage, goal: float | None, planned
     counts = [region.samples for region in state.regions]
     state.decisions.append(Decision(
         "allocation", f"{len(counts)} rectangles with {min(counts)} to {max(counts)} samples a pixel in a round",
-        f"noise is in few places: a pilot's pictures tell that it takes {gain:.3g} times as many samples where every pixel has "
-        "equally many"))
+        f"noise is in few places: a pilot's pictures tell that it takes {gain:.3g} times as long where every pixel has equally many"))
     return planned
 
 
 def allocated_samples(on: Stage, width: int, height: int, known: Pilot, planned: effort.Schedule
                       ) -> tuple[Allocation, float, Pilot] | None:
-    """Where samples go, what it gains in samples at equal error, and the pilot with that gain and what the rectangles cost; None
+    """Where samples go, what it gains in seconds at equal error, and the pilot with that gain and what the rectangles cost; None
     where they do not pay.
 
-    Found on a small picture, as large as the time for it has enough samples, with random numbers that are not the picture's own.
+    Found on a small picture, as large as the time for it has enough samples, with random numbers that are not the picture's own. It
+    is rendered once more in its rectangles: samples where the noise is may take longer than others.
     """
     longer = max(width, height)
     each = max(0.0, known.fixed_seconds - PIXEL_SECONDS * width * height)  # of a render, without its picture
@@ -419,18 +421,27 @@ def allocated_samples(on: Stage, width: int, height: int, known: Pilot, planned:
     small = stage.scaled_size(width, height, min(PILOT_SIZE, longer))
     while 2 * max(small) <= min(longer, ALLOCATION_SIZE) and paths >= 4 * small[0] * small[1] * ALLOCATION_ENOUGH:
         small = stage.scaled_size(width, height, 2 * max(small))
-    samples = int(min(ALLOCATION_SAMPLES, paths / (small[0] * small[1])))
-    if samples < 1:
+    if paths * of_path < ALLOCATION_SECONDS or paths < small[0] * small[1]:
         return None
-    samples = effort.power_of_two(samples)
-    pictures = np.stack([on.shoot(*small, samples, PILOT_SEED + 4 + index) for index in range(ALLOCATION_PICTURES)])
+    samples = effort.power_of_two(min(ALLOCATION_SAMPLES, paths / (small[0] * small[1])))
+    pictures, taken = zip(*(_timed(lambda: on.shoot(*small, samples, PILOT_SEED + 4 + index)) for index in range(ALLOCATION_PICTURES)))
+    pictures = np.stack(pictures)
     seconds, region_seconds = planned.rounds * planned.samples * known.sample_seconds, planned.rounds * each
     gain = allocation.held_out_gain(pictures, samples, seconds, region_seconds)
     found = allocation.allocate(allocation.variance_of(pictures, samples), seconds, region_seconds)
     extra = (len(found.cells) - 1) * each
-    if seconds / gain + planned.rounds * extra > seconds / ALLOCATION_GAIN:
+    pays = lambda cost: cost * seconds / gain + planned.rounds * extra <= seconds / ALLOCATION_GAIN  # noqa: E731
+    if not pays(1.0):
         return None
-    return found, gain, replace(known, variance=known.variance / gain, fixed_seconds=known.fixed_seconds + extra)
+    regions = found.regions(*small, samples)
+    _, taken_by_regions = _timed(lambda: on.shoot(*small, samples, PILOT_SEED + 4 + ALLOCATION_PICTURES, regions))
+    even = max(min(taken) - each, TIMED_SHARE * min(taken)) / (small[0] * small[1] * samples)
+    own = max(taken_by_regions - len(regions) * each, TIMED_SHARE * taken_by_regions) / sum(one.pixels * one.samples for one in regions)
+    cost = own / even
+    if not pays(cost):
+        return None
+    return found, gain / cost, replace(known, variance=known.variance / gain, sample_seconds=known.sample_seconds * cost,
+                                       fixed_seconds=known.fixed_seconds + extra)
 
 
 def _timed(make: Callable[[], np.ndarray]) -> tuple[np.ndarray, float]:

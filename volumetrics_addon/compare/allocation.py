@@ -107,14 +107,12 @@ def allocate(variance: np.ndarray, seconds: float, region_seconds: float, floor:
 
 def held_out_gain(pictures: np.ndarray, samples: int, seconds: float, region_seconds: float) -> float:
     """What an allocation gains in samples at equal error, told by pictures that it does not know: each half of them allocates for
-    the other, and the mean of both is taken. Below 1 where noise is rare bright samples, which are elsewhere the next time.
+    the other, and the lesser gain is taken. Below 1 where noise is rare bright samples, which are elsewhere the next time.
 
     ``pictures`` (k, height, width, 3), k >= 4; the rest as in ``allocate``. Raises ValueError for fewer pictures.
     """
     halves = [variance_of(pictures[half::2], samples) for half in (0, 1)]
-    needed = [1.0 / max(gain(allocate(mine, seconds, region_seconds), other, MANY_SAMPLES), 1e-9)
-              for mine, other in (halves, halves[::-1])]
-    return len(needed) / sum(needed)
+    return min(gain(allocate(mine, seconds, region_seconds), other, MANY_SAMPLES) for mine, other in (halves, halves[::-1]))
 
 
 def gain(allocation: Allocation, variance: np.ndarray, samples: int) -> float:
