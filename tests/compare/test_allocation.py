@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from volumetrics_addon.compare.allocation import Allocation, allocate, gain, held_out_gain, variance_of
+from volumetrics_addon.plan.rules import MOST_SAMPLES
 
 ROWS, COLUMNS = np.mgrid[:36, :64]
 SPOT = 0.01 + 25.0 * ((COLUMNS >= 40) & (COLUMNS < 48) & (ROWS >= 8) & (ROWS < 16))  # noise in 1/36 of the picture
@@ -131,6 +132,11 @@ def test_rare_bright_samples_are_not_taken_for_a_pattern():
     told = gain(allocate(variance_of(pictures, 1), 100.0, 0.1), variance_of(pictures, 1), 1024)
     assert told > 3.0  # what it believes of itself
     assert held_out_gain(pictures, 1, 100.0, 0.1) < 1.1
+
+
+def test_no_rectangle_has_more_samples_than_a_round_may_have():
+    regions = allocate(SPOT, 100.0, 1e-3, floor=0.0).regions(64, 36, MOST_SAMPLES // 2)
+    assert max(one.samples for one in regions) == MOST_SAMPLES // 2
 
 
 def test_too_few_samples_are_refused():

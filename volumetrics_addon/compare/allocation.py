@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..plan.rules import MOST_SAMPLES
+
 FLOOR = 0.2  # of the mean deviation, which every pixel is taken to have at least: a pilot does not see rare bright samples
 FLOOR_CELLS = 4  # pixels of the pilot along a side over which deviations are averaged for it
 LEAST_SIDE = 2  # pixels of the pilot
@@ -48,7 +50,7 @@ class Allocation:
 
     def regions(self, width: int, height: int, samples: int) -> list[Region]:
         """For a picture of this size with ``samples`` a pixel on average, at most; those of a rectangle are a power of two, for the
-        sake of Sobol's sequence, and 1 at least. Raises ValueError for samples < 1."""
+        sake of Sobol's sequence, 1 at least and what a round may have at most. Raises ValueError for samples < 1."""
         if samples < 1:
             raise ValueError(f"samples must be >= 1, got {samples}")
         scale = width / self.width, height / self.height
@@ -59,7 +61,7 @@ class Allocation:
         level = float(areas @ deviations / areas.sum())
         share = deviations / level if level > 0.0 else np.ones_like(deviations)
         for step in range(-4, 64):  # eighths of a power of two, from above: the first that is not too many
-            counts = 2.0 ** np.maximum(0.0, np.round(np.log2(samples * share) - step / 8.0))
+            counts = 2.0 ** np.clip(np.round(np.log2(samples * share) - step / 8.0), 0.0, math.log2(MOST_SAMPLES / 2))
             if areas @ counts <= samples * areas.sum():
                 break
         else:
