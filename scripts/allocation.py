@@ -26,7 +26,7 @@ import numpy as np  # noqa: E402
 from volumetrics_addon.bench import usual  # noqa: E402
 from volumetrics_addon.bench.equal_error import Rung, at_error, common_error, rms  # noqa: E402
 from volumetrics_addon.blender import converge, render, settings, stage  # noqa: E402
-from volumetrics_addon.plan.effort import Schedule  # noqa: E402
+from volumetrics_addon.plan.effort import Pilot, Schedule  # noqa: E402
 from volumetrics_addon.plan.model import CYCLES  # noqa: E402
 
 TRUTHS = 4
@@ -37,9 +37,7 @@ EVEN, ALLOCATED, START_UP, THRESHOLD = "even", "allocated", "start-up", "thresho
 Shoot = Callable[[int, int], tuple[np.ndarray, int]]  # from the rung and the seed: the picture and what counts its rungs
 
 
-def ways(scene: bpy.types.Scene, on: stage.Stage, width: int, height: int) -> dict[str, Shoot]:
-    pilot = converge.pilot(on, width, height)
-
+def ways(scene: bpy.types.Scene, on: stage.Stage, pilot: Pilot, width: int, height: int) -> dict[str, Shoot]:
     def allocated(step: int, seed: int) -> tuple[np.ndarray, int]:
         samples = 4**step
         found = converge.allocated_samples(on, width, height, pilot, Schedule(samples, 1, pilot.seconds(samples)))
@@ -63,9 +61,9 @@ def measure(name: str, arguments: argparse.Namespace) -> dict[str, tuple[float, 
     width, height = arguments.size, round(arguments.size * 9 / 16)
     scene = usual.by_name(name).build()
     with stage.of_scene(scene, CYCLES) as on:
-        shoots = ways(scene, on, width, height)
-        each = converge.pilot(on, width, height).sample_seconds
-        samples = max(16, int(0.5 * arguments.truth / TRUTHS / each))  # the pilot's seconds are those of the clock, on two cores
+        pilot = converge.pilot(on, width, height)
+        shoots = ways(scene, on, pilot, width, height)
+        samples = max(16, int(0.5 * arguments.truth / TRUTHS / pilot.sample_seconds))  # the pilot's seconds are those of the clock, on two cores
         truths = np.stack([on.shoot(width, height, samples, 1000 + seed) for seed in range(TRUTHS)])
         truth, variance = truths.mean(axis=0), truths.var(axis=0, ddof=1) / TRUTHS
         ladders: dict[str, list[Rung]] = {way: [] for way in shoots}

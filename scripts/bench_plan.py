@@ -9,10 +9,6 @@ Denoising is off for both, since it hides the noise that is compared; samples cl
 turns, until the wanted error is reached or the samples take longer than the limit. Seconds are those of all processors (other
 work on the machine changes them little) and of the clock, of the picture alone; planning is timed by scripts/bench_tool.py.
 
-Cycles is measured once more as ``volumetrics render --plan --error`` renders a round: all samples that are asked for, and where the
-noise is in few places in rectangles with samples of their own (compare.allocation). Finding them counts as part of each picture; the
-pilot before that, a second or two of a command, does not.
-
 Each picture is planned for its own size and samples; where the rules for 1920 x 1080 pixels are others, these are measured too, and
 the gain at that size is theirs.
 
@@ -48,14 +44,12 @@ from volumetrics_addon.bench import usual  # noqa: E402
 from volumetrics_addon.bench.equal_error import (  # noqa: E402
     Rung, at_error, common_error, rms, seconds_at_size, soonest,
 )
-from volumetrics_addon.blender import compat, converge, render, stage, tuning  # noqa: E402
+from volumetrics_addon.blender import compat, render, tuning  # noqa: E402
 from volumetrics_addon.compare.statistics import Estimate, compare  # noqa: E402
 from volumetrics_addon.plan import tuning as tuned  # noqa: E402
-from volumetrics_addon.plan.effort import Pilot, Schedule  # noqa: E402
 from volumetrics_addon.plan.model import CYCLES, EEVEE  # noqa: E402
 
 FULL_HD, LARGE = 1920 * 1080, "planned for HD"
-ALLOCATED = "allocated"
 FEWEST_SAMPLES, USUAL_SAMPLES = 4, 256  # of a pixel, for which the rules are listed: of a small picture, and of a large one
 IDLE = {"persistent data", "passes"}  # rules that change nothing of a single picture
 STOCK_EEVEE_SAMPLES = 64
@@ -70,7 +64,6 @@ class Way:
     name: str
     rules: tuple[str, ...] | None  # None: all
     pixels: int = 0  # of the picture that is planned for; 0: of the one that is rendered
-    allocate: bool = False  # samples where the noise is
     ladder: list[Rung] = field(default_factory=list)
 
 
@@ -81,7 +74,6 @@ class Bench:
         self.usual, self.engine, self.without, self.most = scene, engine, without, most
         self.width, self.height = size, max(1, round(size * 9 / 16))
         self.built: bpy.types.Scene | None = None
-        self.pilots: dict[str, Pilot] = {}
 
     def plan(self, pixels: int = 0) -> list:
         return self._plan(self.build(), USUAL_SAMPLES if pixels else FEWEST_SAMPLES, pixels)
@@ -111,8 +103,6 @@ class Bench:
     def shoot(self, way: Way, samples: int, seed: int = 0, converged: bool = False) -> tuple[np.ndarray, float, float]:
         """The picture, all frames below each other; seconds of all processors and of the clock."""
         with self.dressed(way, samples) as scene:
-            if way.allocate:
-                return self._shoot_allocated(way, scene, samples, seed)
             scene.cycles.samples, scene.cycles.use_denoising = samples, False
             scene.eevee.taa_render_samples = samples
             if converged:
@@ -126,22 +116,6 @@ class Bench:
                 frames.append(render.render_built(scene, self.width, self.height, seed=seed)[0])
             seconds = time.process_time() - cpu, time.perf_counter() - wall
         return np.concatenate(frames), *seconds
-
-    def _shoot_allocated(self, way: Way, scene: bpy.types.Scene, samples: int, seed: int) -> tuple[np.ndarray, float, float]:
-        size = self.width, self.height
-        with stage.of_scene(scene, CYCLES) as on:
-            if way.name not in self.pilots:
-                self.pilots[way.name] = converge.pilot(on, *size)
-            pilot = self.pilots[way.name]
-            planned = Schedule(samples, 1, pilot.seconds(samples))
-            cpu, wall = time.process_time(), time.perf_counter()
-            frames = []
-            for frame in self.usual.frames:
-                if len(self.usual.frames) > 1:
-                    scene.frame_set(frame)
-                found = converge.allocated_samples(on, *size, pilot, planned) if on.divisible else None
-                frames.append(on.shoot(*size, samples, seed, found[0].regions(*size, samples) if found else ()))
-            return np.concatenate(frames), time.process_time() - cpu, time.perf_counter() - wall
 
     def converged(self, way: Way, budget: float) -> np.ndarray:
         """Pictures (k, ...) of consecutive seeds that take about the budget of processor seconds together."""
@@ -229,8 +203,6 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     alike = set(large) <= IDLE and len(bench.usual.frames) == 1  # one large picture is as it was
     if bench.engine == CYCLES and large != rules and not alike:  # the rules that gain in a small picture are not those of a large one
         others.append(Way(LARGE, arguments.only, FULL_HD))
-    if bench.engine == CYCLES:
-        others.append(Way(ALLOCATED, arguments.only, allocate=True))
     if arguments.alone:
         others += [Way(rule, (rule,)) for rule in rules]
     own = bench.truth(arguments.truth, arguments.out.parent / "truth")
@@ -256,7 +228,7 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     rows = []
     for way in others:
         try:
-            applied = ", ".join(large if way.name == LARGE else rules) if way.rules is None else ", ".join(way.rules) or way.name
+            applied = ", ".join(large if way.name == LARGE else rules) if way.rules is None else way.name
             rows.append(row(bench, way, stock, biases[way.name], arguments.error, applied))
         except ValueError as error:
             say(f"   {way.name}: {error}; mean {biases[way.name][0]:+.2%}")
@@ -325,9 +297,9 @@ def main() -> None:
                 writer = csv.DictWriter(file, list(rows[0]))
                 writer.writeheader()
                 writer.writerows(rows)
-    text = "\n".join(f"{title}:\n\n{table(chosen)}" for title, way in (("Planned", "planned"), ("Rendered to an error", ALLOCATED))
-                     if (chosen := [found for found in rows if found["way"] == way]))
-    if text:
+    planned = [found for found in rows if found["way"] == "planned"]
+    if planned:
+        text = table(planned)
         say(text)
         if arguments.table:
             arguments.table.write_text(text, encoding="utf-8")

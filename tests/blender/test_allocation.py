@@ -11,7 +11,7 @@ bpy = pytest.importorskip("bpy")
 
 from volumetrics_addon.bench import usual  # noqa: E402
 from volumetrics_addon.blender import compat, converge, settings, stage  # noqa: E402
-from volumetrics_addon.compare.allocation import Region, allocate, variance_of  # noqa: E402
+from volumetrics_addon.compare.allocation import FLOOR, Region, allocate, variance_of  # noqa: E402
 from volumetrics_addon.parameters.preset import load  # noqa: E402
 from volumetrics_addon.plan.effort import Pilot, Schedule  # noqa: E402
 from volumetrics_addon.verify import scene_of  # noqa: E402
@@ -131,9 +131,9 @@ class Clocked:
 def test_rectangles_are_found_and_what_they_gain_is_told(monkeypatch):
     on = Clocked(monkeypatch)
     known, (found, gain, pilot) = on.find(128)
-    # by its definition: 45 x 45 of 320 x 180 pixels with a deviation of 5, the rest 0.1; a fifth of the mean is the floor
+    # by its definition: 45 x 45 of 320 x 180 pixels with a deviation of 5, the rest 0.1
     share = 45 * 45 / (320 * 180)
-    floor = 0.2 * (share * 5.0 + (1.0 - share) * 0.1)
+    floor = FLOOR * (share * 5.0 + (1.0 - share) * 0.1)
     spread = share * math.hypot(5.0, floor) + (1.0 - share) * math.hypot(0.1, floor)
     own = (share * 25.0 / math.hypot(5.0, floor) + (1.0 - share) * 0.01 / math.hypot(0.1, floor)) * spread
     exact = (share * 25.0 + (1.0 - share) * 0.01) / own
@@ -189,6 +189,20 @@ def test_resumed_rounds_have_the_same_rectangles_to_the_last_bit(spot, tmp_path,
     np.testing.assert_array_equal(resumed.image, whole.image)
     again = converge.render(spot, "cycles", WIDTH, HEIGHT, checkpoint=file, allocate=False, say=said.append, **wanted)
     assert again.resumed_rounds == 0 and not again.regions and "starting anew" in said[-1]
+
+
+def test_what_is_found_is_used_and_said(spot, monkeypatch):
+    """Its pilot settles the samples of a round, whose rectangles and their gain are in the result."""
+    monkeypatch.setattr(converge, "_measure_bias", lambda *arguments: None)
+    found = allocate(np.where(np.arange(36 * 64).reshape(36, 64) % 64 < 16, 25.0, 0.01), 10.0, 0.05)
+    quick = Pilot(64.0, 1e-3, 1e-4)  # for noise of 1: eight rounds of eight samples
+    monkeypatch.setattr(converge, "allocated_samples", lambda *arguments: (found, 3.5, quick))
+    made = converge.render(spot, "cycles", WIDTH, HEIGHT, error=1.0, most_samples=64)
+    assert made.samples == 8 and made.regions == tuple(found.regions(WIDTH, HEIGHT, 8))
+    assert made.decisions[-1].rule == "allocation" and "3.5 times as long" in made.decisions[-1].reason
+    assert f"{len(made.regions)} rectangles" in made.decisions[-1].effect
+    left = {one.samples for one in made.regions if one.right <= WIDTH // 4}
+    assert min(left) > 4 * max(one.samples for one in made.regions if one.left >= WIDTH // 4)
 
 
 def test_samples_of_a_round_that_are_given_are_those_of_every_pixel(spot, monkeypatch):

@@ -408,8 +408,9 @@ def _allocate(task: _Task, state: _State, on: Stage, goal: float | None, planned
 
 def allocated_samples(on: Stage, width: int, height: int, known: Pilot, planned: effort.Schedule
                       ) -> tuple[Allocation, float, Pilot] | None:
-    """Where samples go, what it gains in seconds at equal error, and the pilot with that gain and what the rectangles cost; None
-    where they do not pay.
+    """Where samples go, what it gains in seconds at equal error (>= ALLOCATION_GAIN), and the pilot with that gain and what the
+    rectangles cost; None where they do not pay. ``known`` and ``planned``: of a picture of ``width`` x ``height`` pixels whose pixels
+    have equally many samples. Raises RenderError.
 
     Found on a small picture, as large as the time for it has enough samples, with random numbers that are not the picture's own. It
     is rendered once more in its rectangles: samples where the noise is may take longer than others.

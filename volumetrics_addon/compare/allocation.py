@@ -118,7 +118,10 @@ def held_out_gain(pictures: np.ndarray, samples: int, seconds: float, region_sec
 
 
 def gain(allocation: Allocation, variance: np.ndarray, samples: int) -> float:
-    """Samples times squared error where every pixel has equally many, over those with the rectangles at so many on average."""
+    """Samples times squared error where every pixel has equally many, over those with the rectangles at ``samples`` on average.
+
+    ``variance`` (height, width): of one sample, at the allocation's size; any. 1 where there is none.
+    """
     regions = allocation.regions(allocation.width, allocation.height, samples)
     pixels = variance.size
     error = sum(variance[one.top:one.bottom, one.left:one.right].sum() / one.samples for one in regions)
