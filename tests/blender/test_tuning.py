@@ -164,6 +164,11 @@ def test_lamps_and_world(scene):
     tree.links.new(ramp.outputs[0], background.inputs["Color"])  # black to white over one unit of direction, twice as bright
     found = observe.scene(scene)
     assert found.environment == pytest.approx(2.0) and found.sky_rate == pytest.approx(2.0)
+    assert lamps["spot"].is_hit and found.world == "World"
+    spot.data.cycles.use_multiple_importance_sampling = False
+    scene.world.cycles.sampling_method = "NONE"
+    found = observe.scene(scene)
+    assert not {entry.name: entry for entry in found.lamps}["spot"].is_hit and found.world == ""
     spot.hide_render = True
     assert "spot" not in {entry.name for entry in observe.scene(scene).lamps}
 
@@ -189,6 +194,41 @@ def test_what_may_move_is_known_to(scene, change):
     assert not observe.scene(scene).media[0].moves
     change(moving)
     assert observe.scene(scene).media[0].moves
+
+
+def test_a_face_of_a_medium_that_lies_in_a_surface_is_found(scene):
+    """The cube's lower face is at z = -1. Beside it, below it, and across it, a floor touches nothing."""
+    cube(scene, volume("haze"))
+    floor = body(scene, "floor", (0.3, 0.2, -2.0), 2.0)  # its upper face at -1
+    for place, touches in (((0.3, 0.2, -2.0), True), ((0.3, 0.2, -2.01), False), ((0.3, 0.2, -1.9), False), ((9.0, 0.2, -2.0), False),
+                           ((2.0, 0.5, -1.5), True)):
+        floor.location = place
+        assert observe.scene(scene).touches == touches, place
+    floor.location = (9.0, 0.0, 0.0)
+    body(scene, "mist", (0.5, 0.5, 1.5), 1.0, volume("mist"))  # on top of the cube
+    assert observe.scene(scene).touches
+
+
+def test_mirrors_are_found_on_surfaces_and_on_media(scene):
+    haze = volume("haze")
+    cube(scene, haze)
+    assert not observe.scene(scene).mirrors
+    glass = bpy.data.materials.new("glass")
+    tree = compat.use_nodes(glass)
+    shader, output = tree.nodes.new("ShaderNodeBsdfGlass"), tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    ball = body(scene, "ball", (3.0, 0.0, 0.0), 1.0, glass)
+    assert observe.scene(scene).mirrors
+    ball.hide_render = True
+    assert not observe.scene(scene).mirrors
+    floor = body(scene, "floor", (0.0, 0.0, -5.0), 1.0)
+    floor.modifiers.new("copies", "NODES")  # which may be of anything
+    assert observe.scene(scene).mirrors
+    bpy.data.objects.remove(floor)
+    surface = haze.node_tree.nodes.new("ShaderNodeBsdfGlass")
+    haze.node_tree.links.new(surface.outputs[0], next(
+        node for node in haze.node_tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial").inputs["Surface"])
+    assert observe.scene(scene).mirrors
 
 
 def test_hidden_and_excluded_objects_are_not_read(scene):
@@ -293,6 +333,10 @@ def everything(scene):
         state[block.name, "keys"] = sorted(set(block.keys()) - {"cycles"})  # which asking makes
     for shown in bpy.data.objects:
         state[shown.name] = shown.hide_render, shown.light_linking.receiver_collection
+    for light in bpy.data.lights:
+        state[light.name] = light.cycles.use_multiple_importance_sampling
+    for world in bpy.data.worlds:
+        state[world.name] = world.cycles.sampling_method, world.cycles.sample_map_resolution
     for material in bpy.data.materials:
         state[material.name] = material.cycles.volume_sampling, material.cycles.volume_step_rate
     for layer in scene.view_layers:
@@ -303,12 +347,25 @@ def everything(scene):
 
 def crowded(scene):
     cube(scene, volume("cloud", "ShaderNodeVolumePrincipled", density=CLOUDY))
-    body(scene, "nothing", (0.5, 0.5, 0.0), material=volume("nothing", inputs={"Density": 0.0}))
+    body(scene, "nothing", (0.5, 0.5, 0.1), material=volume("nothing", inputs={"Density": 0.0}))
     lamp(scene, "far", (900.0, 0.0, 0.0), 100.0)
     scene.view_layers[0].use_pass_z = True
     scene.cycles.volume_bounces = 100
     scene.frame_end = 24
-    return {"thin media", "idle lamps", "bounces", "passes", "persistent data"} | ({"ray marching"} if BLENDER_5 else set())
+    ramp_of(scene.world)
+    return {"thin media", "idle lamps", "bounces", "passes", "persistent data", "lamp hits", "sky rays"} | (
+        {"ray marching"} if BLENDER_5 else set())
+
+
+def ramp_of(world, strength=1.0):
+    """A sky that changes with height: 0.1 at the nadir and the horizon, 0.5 at the zenith."""
+    tree = world.node_tree
+    coordinates, apart, ramp = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexCoord", "SeparateXYZ", "ValToRGB"))
+    ramp.color_ramp.elements[0].color, ramp.color_ramp.elements[1].color = (0.1, 0.1, 0.1, 1.0), (0.5, 0.5, 0.5, 1.0)
+    tree.links.new(coordinates.outputs["Generated"], apart.inputs[0])
+    tree.links.new(apart.outputs[2], ramp.inputs[0])
+    tree.links.new(ramp.outputs[0], tree.nodes["Background"].inputs["Color"])
+    tree.nodes["Background"].inputs["Strength"].default_value = strength
 
 
 def test_apply_and_restore_bring_back_every_value(scene):
@@ -424,6 +481,20 @@ def many_bounces(scene):
     return "bounces"
 
 
+def lamps_in_fog(scene):
+    """Big bulbs inside the medium, which scattered rays would often hit."""
+    cube(scene, volume("haze", inputs={"Density": 0.5})).scale = (4.0, 4.0, 2.0)
+    for x in (-1.5, 1.5):
+        lamp(scene, f"bulb {x}", (x, 0.0, 0.5), 60.0).data.shadow_soft_size = 0.3
+    return "lamp hits"
+
+
+def fog_under_a_sky(scene):
+    cube(scene, volume("haze", inputs={"Density": 0.5})).scale = (0.9, 0.9, 0.9)  # above the floor
+    ramp_of(scene.world, 2.0)
+    return "sky rays"
+
+
 def noisy(scene):
     cube(scene, volume("cloud", inputs={"Color": (0.9, 0.9, 0.9, 1.0)}, density=CLOUDY))
     scene.cycles.volume_bounces = 2
@@ -431,6 +502,7 @@ def noisy(scene):
 
 
 @pytest.mark.parametrize("make", [fog_and_far_lamps, lamps_behind_a_wall, smoke_behind_a_wall, leftovers, off_camera, many_bounces,
+                                  lamps_in_fog, fog_under_a_sky,
                                   pytest.param(noisy, marks=pytest.mark.skipif(not BLENDER_5, reason="marches anyway"))])
 def test_the_mean_of_the_picture_stays(scene, make):
     rule = make(scene)

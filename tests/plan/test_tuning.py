@@ -286,6 +286,29 @@ def test_lamps_at_points_are_sampled_by_themselves():
         assert advice(other, "sampling") is None
 
 
+def test_lamps_that_aimed_rays_find_are_hit_by_no_others():
+    bulb, spot = lamp("bulb", radius=0.1, is_hit=True), lamp("spot", kind="SPOT", radius=0.2, cone=1.0, is_hit=True)
+    others = [lamp("point", is_hit=True), lamp("aimed", radius=0.1), lamp("linked file", radius=0.1, is_hit=True, editable=False),
+              lamp("sun", kind="SUN", radius=0.01, is_hit=True), lamp("area", kind="AREA", radius=1.0, is_hit=True)]
+    found = advice(scene(medium(), lamps=[bulb, spot, *others], mirrors=False), "lamp hits")
+    assert changes(found) == {(name, "cycles.use_multiple_importance_sampling"): False for name in ("bulb", "spot")}
+    assert found.bound == 0.0 and {change.owner for change in found.changes} == {"lights"}
+    forward = medium("beam", replace(HAZE, g=0.95))
+    for needed in (scene(medium(), lamps=[bulb], mirrors=True), scene(lamps=[bulb], mirrors=False), scene(medium(), lamps=others, mirrors=False),
+                   scene(forward, lamps=[bulb], mirrors=False), scene(medium(), lamps=[bulb], mirrors=False, has_instances=True)):
+        assert advice(needed, "lamp hits") is None
+
+
+def test_no_ray_is_aimed_at_a_smooth_sky():
+    smooth = scene(environment=2.0, sky_rate=1.9, world="World", touches=False)
+    assert changes(advice(smooth, "sky rays")) == {("World", "cycles.sampling_method"): "NONE"}
+    assert advice(smooth, "sky map") is None  # which nobody looks up any more
+    assert "sky map" in {found.rule.name for found in tuning.tune(smooth, without=("sky rays",))}
+    for change in ({"sky_rate": 2.1}, {"sky_rate": 0.0}, {"environment": math.inf, "sky_rate": math.inf}, {"world": ""},
+                   {"touches": True}):
+        assert advice(replace(smooth, **change), "sky rays") is None
+
+
 def test_the_map_of_a_sky_is_as_fine_as_it_changes():
     """Brightness 2 that changes by 0.5 a radian: over a row of pi / n by a tenth of 2 where n = 10 pi 0.5 / 2 = 7.9."""
     found = advice(scene(environment=2.0, sky_rate=0.5, world="World"), "sky map")
@@ -300,6 +323,8 @@ def test_settings_that_bring_nothing_are_switched_off():
     assert changes(advice(scene(medium()), "light tree")) == {("", "cycles.use_light_tree"): False}
     assert advice(scene(medium(), lamps=[lamp("a"), lamp("b")]), "light tree") is None
     assert advice(scene(medium(), environment=1.0, sky_rate=1.0), "light tree") is None
+    assert advice(scene(medium(), environment=1.0, sky_rate=1.0, aimed_sky=False), "light tree")
+    assert advice(scene(medium(), environment=1.0, sky_rate=1.0, world="World", touches=False), "light tree")  # after sky rays
     assert advice(scene(medium(), has_emitters=True), "light tree") is None
     guided = {"cycles.use_guiding": True, "cycles.volume_bounces": 0}
     assert changes(advice(scene(medium(), settings=guided), "guiding")) == {("", "cycles.use_guiding"): False}

@@ -26,6 +26,7 @@ MOST_FACES = 64  # of a mesh that is looked through for walls
 MIRRORS = 0.3  # roughness below which a surface shows what it mirrors
 ADAPTIVE_SAMPLES = 256  # that a pixel takes on average at most
 FEWEST_LAMPS, MOST_LAMPS, MOST_TRACED = 4, 200, 250  # lamps and objects of a scene whose light paths are traced: a ray asks all objects
+CONTACT = 1e-6  # of a medium's size, within which its face lies in a surface
 RAYLEIGH_G = 0.15  # of the HG lobe with at least the peak and the contrast of molecules
 
 
@@ -77,9 +78,11 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
     world, sky = blender_scene.world, _environment(blender_scene)
     own_map = world is not None and world.library is None and world.cycles.sampling_method == "AUTOMATIC"
     return Observed(
-        engine, present, view, tuple(media), tuple(lamps), solids, sky.high, sky.rate, world.name if own_map else "", traced, faces, room,
+        engine, present, view, tuple(media), tuple(lamps), solids, sky.high, sky.rate,
+        world is not None and world.cycles.sampling_method != "NONE", world.name if own_map else "", traced, faces, room,
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
+        mirrors=_any_mirrors(found, materials), touches=_touches(rest, media),
         paths=_paths(blender_scene), unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
 
 
@@ -385,7 +388,8 @@ def _lamp(candidate: bpy.types.Object) -> Lamp:
     return Lamp(candidate.name, data.type, power, tuple(frame.translation),
                 tuple((frame.to_3x3() @ Vector((0.0, 0.0, -1.0))).normalized()), radius,
                 data.spot_size if data.type == "SPOT" else 0.0, moves(candidate),
-                linking.receiver_collection is not None, candidate.library is None and data.library is None, data.volume_factor)
+                linking.receiver_collection is not None, candidate.library is None and data.library is None, data.volume_factor,
+                data.cycles.use_multiple_importance_sampling)
 
 
 def _plain_emission(tree: bpy.types.NodeTree) -> bool:
@@ -477,15 +481,36 @@ def _surroundings(rest: list[bpy.types.Object], media: list[Medium], view: View 
     return _solids(rest, view, depth, room, materials), tuple(faces), room
 
 
-def _solids(rest: list[bpy.types.Object], view: View, depth: float, room: tuple, materials: dict) -> Solids:
-    """What of the objects is in the picture, by the same planes as ``visibility.in_frame``, for all of them at once."""
+def _touches(rest: list[bpy.types.Object], media: list[Medium]) -> bool:
+    """Whether a face of a medium's box lies in a face of another's or of an object's box, and some of the boxes is in both."""
+    boxed = np.array([medium.corners for medium in media if medium.corners])
+    if not boxed.size:
+        return False
+    corners = np.concatenate([boxed, _boxes(rest)]) if rest else boxed
+    lows, highs = corners.min(axis=1), corners.max(axis=1)
+    for index, (low, high) in enumerate(zip(lows[:len(boxed)], highs)):
+        slack = CONTACT * math.dist(low, high)
+        meets = ((lows <= high + slack) & (highs >= low - slack)).all(axis=1)
+        meets[index] = False  # itself
+        if any((np.abs(sides[meets] - face) <= slack).any() for sides in (lows, highs) for face in (low, high)):
+            return True
+    return False
+
+
+def _boxes(found: list[bpy.types.Object]) -> np.ndarray:
+    """(n, 8, 3): the corners of the objects' bounding boxes in the world."""
     boxes = np.empty((len(bpy.data.objects), 8, 3), np.float32)
     frames = np.empty((len(bpy.data.objects), 4, 4), np.float32)  # column-major
     bpy.data.objects.foreach_get("bound_box", boxes.ravel())
     bpy.data.objects.foreach_get("matrix_world", frames.ravel())
     places = {candidate.as_pointer(): index for index, candidate in enumerate(bpy.data.objects)}
-    rows = [places[candidate.as_pointer()] for candidate in rest]
-    corners = np.einsum("nck,nkr->ncr", boxes[rows], frames[rows, :3, :3]) + frames[rows, None, 3, :3]
+    rows = [places[candidate.as_pointer()] for candidate in found]
+    return np.einsum("nck,nkr->ncr", boxes[rows], frames[rows, :3, :3]) + frames[rows, None, 3, :3]
+
+
+def _solids(rest: list[bpy.types.Object], view: View, depth: float, room: tuple, materials: dict) -> Solids:
+    """What of the objects is in the picture, by the same planes as ``visibility.in_frame``, for all of them at once."""
+    corners = _boxes(rest)
     x, y, z = ((corners - np.array(view.position)) @ np.array((view.right, view.up, view.back)).T).transpose(2, 0, 1)
     far = min(depth, view.clip_end)
     sides = (x + view.high[0] * z, y + view.high[1] * z, -x - view.low[0] * z, -y - view.low[1] * z, z, -z - far)
@@ -521,6 +546,15 @@ def _survey(blender_scene: bpy.types.Scene, layer: bpy.types.ViewLayer, view: Vi
 
 def _reflects(candidate: bpy.types.Object, materials: dict) -> bool:
     return any(slot.material is not None and _known(slot.material, materials)[4] for slot in candidate.material_slots)
+
+
+def _any_mirrors(found: list[bpy.types.Object], materials: dict) -> bool:
+    """Whether anything that is rendered mirrors or refracts; where objects are copied, of any material of the file."""
+    copied = any(candidate.instance_type != "NONE" or candidate.particle_systems or any(
+        modifier.type == "NODES" for modifier in candidate.modifiers) for candidate in found)
+    if copied:
+        return any(_known(material, materials)[4] for material in bpy.data.materials if material.users)
+    return any(_reflects(candidate, materials) for candidate in found)
 
 
 def _holds(mesh: bpy.types.Mesh, outlines: list, eye: tuple) -> bool:

@@ -83,6 +83,7 @@ class Lamp:
     is_linked: bool = False
     editable: bool = True
     volume_factor: float = 1.0
+    is_hit: bool = False  # whether rays that come upon it by chance count: Cycles' multiple importance sampling
 
 
 @dataclass(frozen=True)
@@ -141,13 +142,16 @@ class Observed:
     solids: Solids | None = None
     environment: float = 0.0  # bound of the world's radiance, its strongest channel; infinite where it is a picture
     sky_rate: float = 0.0  # bound of its change over a radian; 0 for one colour, infinite where nothing is known
-    world: str = ""  # name of the world where it may be changed
+    aimed_sky: bool = True  # whether rays are aimed at the world, where it is not of one colour
+    world: str = ""  # name of the world where the map of its brightness may be changed
     survey: Survey | None = None
     faces: tuple[tuple[Vector, ...], ...] = ()
     room: tuple[Vector, ...] = ()
     frames: int = 1
     has_emitters: bool = False  # meshes that shine
     has_surfaces: bool = False
+    mirrors: bool = True  # whether any surface mirrors or refracts what is around it
+    touches: bool = True  # whether a face of a medium's box may lie in a surface: rays then lose count of what they are in
     has_instances: bool = False  # of objects that hold media or lights and are not listed
     unused_passes: tuple[tuple[str, str], ...] = ()  # view layer and path
     paths: float = 0.0  # camera paths of a picture: its pixels times their samples

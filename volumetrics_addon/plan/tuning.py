@@ -28,6 +28,7 @@ SERIES = 50  # tests of a lamp, below which they do not count with those of othe
 # camera takes half on average, and that to a lamp as many.
 OCTREE = 16.0 * 128.0**3
 THINNEST = 1e-4  # optical depth
+MOST_FORWARD = 0.9  # mean cosine of a medium in which aimed rays alone find a lamp
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,10 @@ def figures(advice: Advice, engine: str) -> str:
 
 
 def _after(scene: Observed, advice: Advice) -> Observed:
-    """The scene without what is left out: it no longer counts for the rules that follow."""
+    """The scene without what is left out, and with the map of its sky decided on: neither counts for the rules that follow."""
+    for change in advice.changes:
+        if change.path == "cycles.sampling_method":
+            return replace(scene, world="", aimed_sky=change.value != "NONE")
     gone = {change.name for change in advice.changes if change.path == "hide_render"}
     if not gone:
         return scene
@@ -433,10 +437,31 @@ def _idle(scene: Observed, allowed: float) -> Found:
 
 
 def _light_tree(scene: Observed, allowed: float) -> Found:
-    several = len(scene.lamps) > 1 or scene.sky_rate > 0.0 or scene.has_emitters or scene.has_instances
+    several = len(scene.lamps) > 1 or scene.sky_rate > 0.0 and scene.aimed_sky or scene.has_emitters or scene.has_instances
     if several or not scene.settings.get("cycles.use_light_tree"):
         return None
-    return (Change("scenes", "", "cycles.use_light_tree", False),), f"{len(scene.lamps)} lamp(s), and a world of one colour", 0.0
+    return (Change("scenes", "", "cycles.use_light_tree", False),), f"{len(scene.lamps)} lamp(s), and a world that no ray is aimed at", 0.0
+
+
+def _lamp_hits(scene: Observed, allowed: float) -> Found:
+    """A ray that is aimed at a lamp and one that hits it by chance share its light by their densities (multiple importance sampling).
+    Beside a lamp that is seldom chosen among several the second has a share of what is then very bright; aimed rays carry all of it
+    where no surface sends light one way alone."""
+    if not scene.media or scene.mirrors or scene.has_instances or any(medium.substance.g > MOST_FORWARD for medium in scene.media):
+        return None
+    names = [lamp.name for lamp in scene.lamps if lamp.is_hit and lamp.editable and lamp.kind in ("POINT", "SPOT") and lamp.radius > 0.0]
+    if not names:
+        return None
+    return (tuple(Change("lights", name, "cycles.use_multiple_importance_sampling", False) for name in names),
+            f"{len(names)} lamp(s) that aimed rays find: {_listed(names)}", 0.0)
+
+
+def _sky_rays(scene: Observed, allowed: float) -> Found:
+    """A sky this smooth has a bright part of half a steradian or more, which scattered rays find as they are."""
+    if not 0.0 < scene.sky_rate <= scene.environment < math.inf or not scene.world or scene.touches:
+        return None
+    return (Change("worlds", scene.world, "cycles.sampling_method", "NONE"),), \
+        f"over a radian the sky changes by {scene.sky_rate / scene.environment:.2g} of its brightest at most", 0.0
 
 
 def _sky_map(scene: Observed, allowed: float) -> Found:
@@ -473,5 +498,5 @@ def _persistent(scene: Observed, allowed: float) -> Found:
 _FINDERS: dict[str, Callable[[Observed, float], Found]] = {
     "bounces": _bounces, "sampling": _sampling, "ray marching": _marching, "longer steps": _longer, "unseen media": _unseen,
     "thin media": _thin, "unseen lamps": _unseen_lamps, "idle lamps": _idle, "light tree": _light_tree,
-    "sky map": _sky_map, "guiding": _guiding, "passes": _passes, "persistent data": _persistent,
+    "lamp hits": _lamp_hits, "sky rays": _sky_rays, "sky map": _sky_map, "guiding": _guiding, "passes": _passes, "persistent data": _persistent,
 }
