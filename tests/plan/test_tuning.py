@@ -294,8 +294,10 @@ def test_lamps_that_aimed_rays_find_are_hit_by_no_others():
     assert changes(found) == {(name, "cycles.use_multiple_importance_sampling"): False for name in ("bulb", "spot")}
     assert found.bound == 0.0 and {change.owner for change in found.changes} == {"lights"}
     forward = medium("beam", replace(HAZE, g=0.95))
-    for needed in (scene(medium(), lamps=[bulb], mirrors=True), scene(lamps=[bulb], mirrors=False), scene(medium(), lamps=others, mirrors=False),
-                   scene(forward, lamps=[bulb], mirrors=False), scene(medium(), lamps=[bulb], mirrors=False, has_instances=True)):
+    pair = [bulb, spot]
+    for needed in (scene(medium(), lamps=pair, mirrors=True), scene(lamps=pair, mirrors=False), scene(medium(), lamps=others, mirrors=False),
+                   scene(forward, lamps=pair, mirrors=False), scene(medium(), lamps=pair, mirrors=False, has_instances=True),
+                   scene(medium(), lamps=[bulb], mirrors=False)):
         assert advice(needed, "lamp hits") is None
 
 

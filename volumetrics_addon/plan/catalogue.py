@@ -88,7 +88,7 @@ RULES = {rule.name: rule for rule in (
          "the light tree, which costs more than it finds",
          "unbiased", gain={CYCLES: 1.16}, shown_by="bottle"),
     Rule("lamp hits",
-         "there are media, lamps at points or spots, and nothing mirrors or refracts",
+         "there are media and several lamps, at points or spots, and nothing mirrors or refracts",
          "rays that come upon such a lamp by chance: few of them, and so bright that they are most of the noise",
          "unbiased: the rays that are aimed at the lamps carry all of their light", gain={CYCLES: 1.6}, shown_by="foggy-street"),
     Rule("sky map",

@@ -447,7 +447,8 @@ def _lamp_hits(scene: Observed, allowed: float) -> Found:
     """A ray that is aimed at a lamp and one that hits it by chance share its light by their densities (multiple importance sampling).
     Beside a lamp that is seldom chosen among several the second has a share of what is then very bright; aimed rays carry all of it
     where no surface sends light one way alone."""
-    if not scene.media or scene.mirrors or scene.has_instances or any(medium.substance.g > MOST_FORWARD for medium in scene.media):
+    if not scene.media or len(scene.lamps) < 2 or scene.mirrors or scene.has_instances or any(
+            medium.substance.g > MOST_FORWARD for medium in scene.media):
         return None
     names = [lamp.name for lamp in scene.lamps if lamp.is_hit and lamp.editable and lamp.kind in ("POINT", "SPOT") and lamp.radius > 0.0]
     if not names:
