@@ -499,5 +499,6 @@ def _persistent(scene: Observed, allowed: float) -> Found:
 _FINDERS: dict[str, Callable[[Observed, float], Found]] = {
     "bounces": _bounces, "sampling": _sampling, "ray marching": _marching, "longer steps": _longer, "unseen media": _unseen,
     "thin media": _thin, "unseen lamps": _unseen_lamps, "idle lamps": _idle, "light tree": _light_tree,
-    "lamp hits": _lamp_hits, "sky rays": _sky_rays, "sky map": _sky_map, "guiding": _guiding, "passes": _passes, "persistent data": _persistent,
+    "lamp hits": _lamp_hits, "sky rays": _sky_rays, "sky map": _sky_map, "guiding": _guiding, "passes": _passes,
+    "persistent data": _persistent,
 }
