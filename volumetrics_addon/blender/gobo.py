@@ -118,25 +118,26 @@ def _stained_glass(build, x, y, softness, seed, time, name):
     points, colors = gobo.cells(seed)
     table, glass = (packed(f"{name} {what}", pixels) for what, pixels in (
         ("cells", np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=-1)), ("glass", colors)))
-    i, j = build.math("FLOOR", x), build.math("FLOOR", y)
 
     def looked_up(image: bpy.types.Image, cell: Socket) -> Socket:
-        place = build.scale(build.vector("ADD", cell, (0.5, 0.5, 0.0)), 1.0 / gobo.PERIOD)
+        share = 1.0 / gobo.PERIOD
+        place = build.vector("MULTIPLY_ADD", cell, (share, share, share), (0.5 * share, 0.5 * share, 0.0))
         node = build.node("ShaderNodeTexImage", {"Vector": place}, image=image, interpolation="Closest", extension="REPEAT")
         return socket_of(node.outputs, "Color")
 
     here = build.combine(x, y, 0.0)
+    own = build.vector("FLOOR", here)
     first, second, nearest = None, None, None
     for di in (-1.0, 0.0, 1.0):
         for dj in (-1.0, 0.0, 1.0):
-            cell = build.combine(build.math("ADD", i, di), build.math("ADD", j, dj), 0.0)
+            cell = build.vector("ADD", own, (di, dj, 0.0))
             distance = build.scalar("DISTANCE", build.vector("ADD", cell, looked_up(table, cell)), here)
             if first is None:
                 first, second, nearest = distance, 1e9, cell
                 continue
             nearer = build.math("LESS_THAN", distance, first)
             second = build.math("MINIMUM", build.math("MAXIMUM", first, distance), second)
-            nearest = build.vector("ADD", nearest, build.scale(build.vector("SUBTRACT", cell, nearest), nearer))
+            nearest = build.vector("MULTIPLY_ADD", build.vector("SUBTRACT", cell, nearest), nearer, nearest)
             first = build.math("MINIMUM", first, distance)
     lead = build.math("SUBTRACT", build.math("SUBTRACT", second, first), gobo.LEAD)
     return build.scale(looked_up(glass, nearest), _ramp(build, lead, softness))
