@@ -2,7 +2,7 @@
 """Stock settings against planned ones: seconds at equal error for scenes the way users make them, side by side in one run.
 
     python scripts/bench_plan.py [SCENE ...] [--engine cycles|eevee] [--size 48] [--repeats 3] [--error 0.03] [--limit 20]
-        [--truth 120] [--converged 256] [--alone] [--only RULES] [--without RULES] [--out bench/plan.csv] [--table FILE]
+        [--truth 120] [--converged 64] [--alone] [--only RULES] [--without RULES] [--out bench/plan.csv] [--table FILE]
 
 Stock: the scene's own settings, Blender's start-up ones plus what its tutorial sets. Planned: the same scene after the planner.
 Denoising is off for both, since it hides the noise that is compared; samples climb a ladder by fours, stock and planned taking
@@ -16,9 +16,10 @@ The truth is the stock picture converged, several seeds, adaptive sampling off, 
 the relative RMSE against it, less its own variance. Both ladders are read at the wanted error or the nearest that both pass. The
 bias is the mean of the converged planned picture over that of the converged stock one, with its 95 % interval.
 
-EEVEE is off from Cycles by more than its noise, and more samples do not help. Its error is against Cycles' converged stock
-picture, its bias against its own; both ways are read at the first rung that is as good as stock with the samples that it starts
-with, and the gain over those is given too.
+EEVEE keeps media in froxels, cells of the screen, and is off by their width, however many its samples. Its truth is what ever finer
+cells and more samples come to, with all of the scene's own settings besides: cells of one pixel, 256 steps and --converged samples; of an animation
+it takes the middle frame. Stock
+is the start-up file's 64 samples, planned what the plan sets; and the first rung of each ladder that is as good as stock is read too.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ import inspect
 import sys
 import time
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import geometric_mean
 
@@ -44,7 +45,7 @@ from volumetrics_addon.bench import usual  # noqa: E402
 from volumetrics_addon.bench.equal_error import (  # noqa: E402
     Rung, at_error, common_error, rms, seconds_at_size, soonest,
 )
-from volumetrics_addon.blender import compat, render, tuning  # noqa: E402
+from volumetrics_addon.blender import compat, render, settings, tuning  # noqa: E402
 from volumetrics_addon.compare.statistics import Estimate, compare  # noqa: E402
 from volumetrics_addon.plan import tuning as tuned  # noqa: E402
 from volumetrics_addon.plan.model import CYCLES, EEVEE  # noqa: E402
@@ -53,7 +54,9 @@ FULL_HD, LARGE = 1920 * 1080, "planned for HD"
 FEWEST_SAMPLES, USUAL_SAMPLES = 4, 256  # of a pixel, for which the rules are listed: of a small picture, and of a large one
 IDLE = {"persistent data", "passes"}  # rules that change nothing of a single picture
 STOCK_EEVEE_SAMPLES = 64
+FINEST = {"eevee.volumetric_tile_size": "1", "eevee.volumetric_samples": 256}  # froxels of EEVEE's truth
 MOST_SAMPLES = 16384
+AS_GOOD = 1.01  # times an error
 LONG = 3.0  # processor seconds of a picture that is taken once
 
 
@@ -73,13 +76,15 @@ class Bench:
     def __init__(self, scene: usual.UsualScene, engine: str, size: int, without: tuple[str, ...], most: int):
         self.usual, self.engine, self.without, self.most = scene, engine, without, most
         self.width, self.height = size, max(1, round(size * 9 / 16))
+        self.frames = scene.frames if engine == CYCLES else scene.frames[len(scene.frames) // 2:][:1]
         self.built: bpy.types.Scene | None = None
 
     def plan(self, pixels: int = 0) -> list:
         return self._plan(self.build(), USUAL_SAMPLES if pixels else FEWEST_SAMPLES, pixels)
 
     def _plan(self, scene: bpy.types.Scene, samples: int, pixels: int) -> list:
-        return tuning.plan(scene, without=self.without, paths=(pixels or self.width * self.height) * samples)
+        pixels = pixels or self.width * self.height
+        return tuning.plan(scene, without=self.without, paths=pixels * samples, pixels=pixels)
 
     def build(self) -> bpy.types.Scene:
         scene = self.usual.build()
@@ -100,28 +105,34 @@ class Bench:
         yield scene
         tuning.restore(scene)
 
-    def shoot(self, way: Way, samples: int, seed: int = 0, converged: bool = False) -> tuple[np.ndarray, float, float]:
-        """The picture, all frames below each other; seconds of all processors and of the clock."""
-        with self.dressed(way, samples) as scene:
-            scene.cycles.samples, scene.cycles.use_denoising = samples, False
-            scene.eevee.taa_render_samples = samples
+    def shoot(self, way: Way, samples: int | None, seed: int = 0, converged: bool = False) -> tuple[np.ndarray, float, float]:
+        """The picture, all frames below each other; seconds of all processors and of the clock. Without ``samples`` EEVEE has those
+        of its settings."""
+        with self.dressed(way, samples or STOCK_EEVEE_SAMPLES) as scene:
+            scene.cycles.use_denoising, own = False, scene.eevee.taa_render_samples
+            if samples:
+                scene.cycles.samples = scene.eevee.taa_render_samples = samples
             if converged:
                 scene.cycles.use_adaptive_sampling = False
                 scene.render.use_persistent_data = False
             cpu, wall = time.process_time(), time.perf_counter()
             frames = []
-            for frame in self.usual.frames:
+            for frame in self.frames:
                 if len(self.usual.frames) > 1:
                     scene.frame_set(frame)
                 frames.append(render.render_built(scene, self.width, self.height, seed=seed)[0])
             seconds = time.process_time() - cpu, time.perf_counter() - wall
+            scene.eevee.taa_render_samples = own
         return np.concatenate(frames), *seconds
 
     def converged(self, way: Way, budget: float) -> np.ndarray:
-        """Pictures (k, ...) of consecutive seeds that take about the budget of processor seconds together."""
+        """Pictures (k, ...) of consecutive seeds that take about the budget of processor seconds together; of EEVEE one."""
         if self.engine == EEVEE:
             self.shoot(way, 1)  # compiles
-            return self.shoot(way, self.most, converged=True)[0][None]
+            before = settings.apply(self.built, FINEST)
+            picture = self.shoot(way, self.most)[0]
+            settings.restore(self.built, before)
+            return picture[None]
         _, few, _ = self.shoot(way, 1, 1000, converged=True)
         _, more, _ = self.shoot(way, 33, 1000, converged=True)
         each = max((more - few) / 32, 1e-6)
@@ -132,8 +143,8 @@ class Bench:
     def truth(self, budget: float, folder: Path) -> np.ndarray:
         """The converged stock pictures, from their file or rendered and kept there."""
         source = inspect.getsource(usual).partition("# --- the scenes")[0] + inspect.getsource(self.usual.fill)
-        digest = hashlib.sha256(repr((source, self.usual.frames, bpy.app.version_string, self.engine, self.width, self.height,
-                                      budget if self.engine == CYCLES else self.most)).encode()).hexdigest()[:12]
+        digest = hashlib.sha256(repr((source, self.frames, bpy.app.version_string, self.engine, self.width, self.height,
+                                      budget if self.engine == CYCLES else (self.most, FINEST))).encode()).hexdigest()[:12]
         path = folder / f"{self.engine}-{self.usual.name}-{digest}.npz"
         if path.exists():
             with np.load(path) as stored:
@@ -148,14 +159,11 @@ class Bench:
 
 def climb(bench: Bench, ways: list[Way], truth: np.ndarray, wanted: float, limit: float, repeats: int, first: int) -> None:
     """Fill the ladders, the ways taking turns; each stops at the wanted error, the limit, or the most samples."""
-    mean, variance = truth.mean(axis=0), truth.var(axis=0, ddof=1) / len(truth) if len(truth) > 1 else np.zeros_like(truth[0])
-    if bench.engine == EEVEE:
-        for way in ways:
-            bench.shoot(way, 1)  # compiles
+    mean, variance = truth.mean(axis=0), truth.var(axis=0, ddof=1) / len(truth)
     samples, climbing = first, list(ways)
     while climbing and samples <= bench.most:
         shots: dict[str, list] = {way.name: [] for way in climbing}
-        for repeat in range(repeats if bench.engine == CYCLES or samples < 64 else 1):
+        for repeat in range(repeats):
             for way in climbing:
                 if repeat == 0 or shots[way.name][0][1] < LONG:
                     shots[way.name].append(bench.shoot(way, samples, repeat))
@@ -163,33 +171,57 @@ def climb(bench: Bench, ways: list[Way], truth: np.ndarray, wanted: float, limit
             pictures, cpu, wall = zip(*shots[way.name])
             error = rms(np.stack(pictures), mean, variance)
             way.ladder.append(Rung(samples, float(np.median(cpu)), float(np.median(wall)), error))
-            done = bench.engine == CYCLES and way.ladder[-1].error <= wanted and len(way.ladder) > 1
-            slow = way.ladder[-1].cpu - way.ladder[0].cpu > limit  # what is fixed has to be paid at any error
-            if done or slow and (bench.engine == CYCLES or samples >= STOCK_EEVEE_SAMPLES):
+            done = way.ladder[-1].error <= wanted and len(way.ladder) > 1
+            if done or way.ladder[-1].cpu - way.ladder[0].cpu > limit:  # what is fixed has to be paid at any error
                 climbing.remove(way)
         samples *= 4
 
 
 def row(bench: Bench, way: Way, stock: Way, bias: tuple[float, float, float], wanted: float, rules: str) -> dict:
     """What the ladders say of one way against stock."""
-    if bench.engine == EEVEE:
-        start = next(rung for rung in stock.ladder if rung.samples == STOCK_EEVEE_SAMPLES)
-        error = start.error
-        first = [soonest(one.ladder, error) for one in (stock, way)]
-        cpu, wall = [rung.cpu for rung in first], [rung.wall for rung in first]
-    else:
-        error = common_error([way.ladder, stock.ladder], wanted)
-        cpu, wall = ([at_error(one.ladder, error, what) for one in (stock, way)] for what in ("cpu", "wall"))
-    result = {
+    error = common_error([way.ladder, stock.ladder], wanted)
+    cpu, wall = ([at_error(one.ladder, error, what) for one in (stock, way)] for what in ("cpu", "wall"))
+    pixels = FULL_HD / (bench.width * bench.height)
+    return {
         "scene": bench.usual.name, "engine": bench.engine, "version": bpy.app.version_string, "way": way.name,
         "error": error, "stock_cpu": cpu[0], "cpu": cpu[1], "gain": cpu[0] / cpu[1], "gain_wall": wall[0] / wall[1],
-        "gain_hd": 0.0, "gain_start": 0.0, "bias": bias[0], "bias_low": bias[1], "bias_high": bias[2], "rules": rules}
-    if bench.engine == EEVEE:
-        result["gain_start"] = start.cpu / cpu[1]
-    else:
-        pixels = FULL_HD / (bench.width * bench.height)
-        result["gain_hd"] = seconds_at_size(stock.ladder, error, pixels) / seconds_at_size(way.ladder, error, pixels)
-    return result
+        "gain_hd": seconds_at_size(stock.ladder, error, pixels) / seconds_at_size(way.ladder, error, pixels),
+        "bias": bias[0], "bias_low": bias[1], "bias_high": bias[2], "rules": rules}
+
+
+def measure_eevee(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
+    rules = list(dict.fromkeys(one.rule.name for one in bench.plan()))
+    say(f"## {bench.usual.name}, {bench.engine}, Blender {bpy.app.version_string}: {', '.join(rules) or 'nothing to plan'}")
+    stock, planned = Way("stock", ()), Way("planned", arguments.only)
+    truth = bench.truth(0.0, arguments.out.parent / "truth")[0]
+    for way in (stock, planned):
+        bench.shoot(way, 1)  # compiles
+
+    def shot(way: Way, samples: int | None) -> tuple[Rung, float]:
+        pictures, cpu, wall = zip(*(bench.shoot(way, samples) for _ in range(arguments.repeats)))
+        rung = Rung(samples or 0, float(np.median(cpu)), float(np.median(wall)), rms(np.stack(pictures), truth, np.zeros(1)))
+        say(f"   {way.name:<8} {samples or 'own':>4} samples  {rung.cpu:8.2f} s of processors  {rung.wall:8.2f} s  error {rung.error:.4f}  "
+            f"mean {float(pictures[0].mean() / truth.mean()) - 1.0:+.2%}")
+        return rung, float(pictures[0].mean() / truth.mean()) - 1.0
+
+    start, start_mean = shot(stock, None)
+    own, own_mean = shot(planned, None)
+    for way, last in ((stock, start), (planned, own)):
+        for samples in (1, 2, 4, 8, 16, 32):
+            way.ladder.append(shot(way, samples)[0])
+            if way.ladder[-1].error <= AS_GOOD * start.error:
+                break
+        else:
+            way.ladder.append(replace(last, samples=STOCK_EEVEE_SAMPLES))
+    firsts = [soonest(way.ladder, start.error, AS_GOOD - 1.0) for way in (stock, planned)]
+    found = {
+        "scene": bench.usual.name, "engine": bench.engine, "version": bpy.app.version_string, "way": planned.name, "error": start.error,
+        "stock_cpu": start.cpu, "planned_error": own.error, "cpu": own.cpu, "gain": start.cpu / own.cpu, "gain_wall": start.wall / own.wall,
+        "equal_cpu": firsts[1].cpu, "gain_equal": start.cpu / firsts[1].cpu, "gain_ladder": firsts[0].cpu / firsts[1].cpu,
+        "stock_mean": start_mean, "mean": own_mean, "rules": ", ".join(rules)}
+    say(f"   => {found['gain']:.2f} x as fast with an error of {own.error:.1%} instead of {start.error:.1%}; as good in {firsts[1].cpu:.2f} s, "
+        f"{found['gain_equal']:.2f} x as fast, and {found['gain_ladder']:.2f} x over the fewest samples of stock that are as good")
+    return [found]
 
 
 def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
@@ -201,26 +233,16 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     stock, others = Way("stock", ()), [Way("planned", arguments.only)]
     large = list(dict.fromkeys(one.rule.name for one in bench.plan(FULL_HD)))
     alike = set(large) <= IDLE and len(bench.usual.frames) == 1  # one large picture is as it was
-    if bench.engine == CYCLES and large != rules and not alike:  # the rules that gain in a small picture are not those of a large one
+    if large != rules and not alike:  # the rules that gain in a small picture are not those of a large one
         others.append(Way(LARGE, arguments.only, FULL_HD))
     if arguments.alone:
         others += [Way(rule, (rule,)) for rule in rules]
-    own = bench.truth(arguments.truth, arguments.out.parent / "truth")
-    truth = own
-    if bench.engine == EEVEE:
-        cycles = Bench(bench.usual, CYCLES, arguments.size, (), MOST_SAMPLES)
-        truth = cycles.truth(arguments.truth, arguments.out.parent / "truth")
-        bench.built = None  # that file is closed
+    truth = bench.truth(arguments.truth, arguments.out.parent / "truth")
     biases = {}
     for way in others:
-        pictures = bench.converged(way, arguments.truth / (2.0 if bench.engine == CYCLES else 1.0))
-        if len(pictures) == 1:
-            share = float(pictures.mean() / own.mean() - 1.0)
-            biases[way.name] = share, share, share
-        else:
-            compared = compare(Estimate.from_repeats(pictures), Estimate.from_repeats(own))
-            biases[way.name] = (compared.mean_relative_error, *compared.mean_relative_interval)
-    climb(bench, [stock, *others], truth, arguments.error, arguments.limit, arguments.repeats, 4 if bench.engine == CYCLES else 1)
+        compared = compare(Estimate.from_repeats(bench.converged(way, arguments.truth / 2.0)), Estimate.from_repeats(truth))
+        biases[way.name] = (compared.mean_relative_error, *compared.mean_relative_interval)
+    climb(bench, [stock, *others], truth, arguments.error, arguments.limit, arguments.repeats, 4)
     for way in (stock, *others):
         for rung in way.ladder:
             say(f"   {way.name:<16} {rung.samples:6} samples  {rung.cpu:8.2f} s of processors  {rung.wall:8.2f} s  "
@@ -238,26 +260,34 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
             found["gain_hd"] = at_large
             found["rules"] += f"; in full HD {', '.join(large) or 'nothing'}"
         say(f"   => {found['way']:<16} gain {found['gain']:7.2f} (clock {found['gain_wall']:.2f}, "
-            f"full HD {found['gain_hd']:.2f}, "
-            f"start-up samples {found['gain_start']:.2f}) at error {found['error']:.3f}, "
+            f"full HD {found['gain_hd']:.2f}) at error {found['error']:.3f}, "
             f"mean {found['bias']:+.3%} [{found['bias_low']:+.3%}, {found['bias_high']:+.3%}]")
     return rows
 
 
 def table(rows: list[dict]) -> str:
     """Markdown: a line for each scene, losers too, and the geometric means."""
-    eevee = rows[0]["engine"] == EEVEE
-    lines = ["| scene | at error | stock | planned | gain | on the clock | "
-             f"{'of 64 samples' if eevee else 'at 1920 x 1080'} | mean | 95 % interval | rules |",
+    lines = ["| scene | at error | stock | planned | gain | on the clock | at 1920 x 1080 | mean | 95 % interval | rules |",
              "|---|---:|---:|---:|---:|---:|---:|---:|---|---|"]
-    last = "gain_start" if eevee else "gain_hd"
     for found in rows:
         lines.append(f"| {found['scene']} | {found['error']:.1%} | {found['stock_cpu']:.2f} s | {found['cpu']:.2f} s | "
                      f"{found['gain']:.1f} | "
-                     f"{found['gain_wall']:.1f} | {found[last]:.1f} | {found['bias']:+.2%} | {found['bias_low']:+.2%} to "
+                     f"{found['gain_wall']:.1f} | {found['gain_hd']:.1f} | {found['bias']:+.2%} | {found['bias_low']:+.2%} to "
                      f"{found['bias_high']:+.2%} | {found['rules']} |")
-    means = [geometric_mean([found[name] for found in rows]) for name in ("gain", "gain_wall", last)]
+    means = [geometric_mean([found[name] for found in rows]) for name in ("gain", "gain_wall", "gain_hd")]
     lines.append(f"| geometric mean | | | | **{means[0]:.1f}** | {means[1]:.1f} | {means[2]:.1f} | | | |")
+    return "\n".join(lines) + "\n"
+
+
+def table_eevee(rows: list[dict]) -> str:
+    lines = ["| scene | rules | stock: error | mean | planned: error | mean | gain | gain where as good as stock | over stock's fewest samples |",
+             "|---|---|---:|---:|---:|---:|---:|---:|---:|"]
+    for found in rows:
+        lines.append(f"| {found['scene']} | {found['rules'] or 'nothing'} | {found['error']:.1%} | {found['stock_mean']:+.2%} | "
+                     f"{found['planned_error']:.1%} | {found['mean']:+.2%} | {found['gain']:.1f} | {found['gain_equal']:.1f} | "
+                     f"{found['gain_ladder']:.1f} |")
+    means = [geometric_mean([found[name] for found in rows]) for name in ("gain", "gain_equal", "gain_ladder")]
+    lines.append(f"| geometric mean | | | | | | {means[0]:.1f} | **{means[1]:.1f}** | {means[2]:.1f} |")
     return "\n".join(lines) + "\n"
 
 
@@ -278,7 +308,7 @@ def main() -> None:
     parser.add_argument("--error", type=float, default=0.03, help="relative RMSE at which the ladders are read if both pass it")
     parser.add_argument("--limit", type=float, default=20.0, help="processor seconds of the samples at which a ladder ends")
     parser.add_argument("--truth", type=float, default=120.0, help="processor seconds of a truth")
-    parser.add_argument("--converged", type=int, default=256, help="samples of EEVEE's converged picture")
+    parser.add_argument("--converged", type=int, default=64, help="samples of EEVEE's converged picture")
     parser.add_argument("--alone", action="store_true", help="measure each rule of the plan by itself too")
     parser.add_argument("--only", type=words, help="apply only these rules")
     parser.add_argument("--without", type=words, default=(), help="plan without these rules")
@@ -290,7 +320,7 @@ def main() -> None:
     rows = []
     for name in arguments.scenes:
         most = MOST_SAMPLES if arguments.engine == CYCLES else arguments.converged
-        rows += measure(Bench(usual.by_name(name), arguments.engine, arguments.size, arguments.without, most), arguments)
+        rows += (measure if arguments.engine == CYCLES else measure_eevee)(Bench(usual.by_name(name), arguments.engine, arguments.size, arguments.without, most), arguments)
         if rows:
             arguments.out.parent.mkdir(parents=True, exist_ok=True)
             with open(arguments.out, "w", newline="", encoding="utf-8") as file:
@@ -299,7 +329,7 @@ def main() -> None:
                 writer.writerows(rows)
     planned = [found for found in rows if found["way"] == "planned"]
     if planned:
-        text = table(planned)
+        text = (table if arguments.engine == CYCLES else table_eevee)(planned)
         say(text)
         if arguments.table:
             arguments.table.write_text(text, encoding="utf-8")

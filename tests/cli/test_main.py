@@ -360,6 +360,22 @@ def test_render_a_blend_file(blend, tmp_path, capsys):
     assert "bad.blend cannot be opened" in capsys.readouterr().err and not (tmp_path / "y.exr").exists()
 
 
+def test_a_plan_sets_the_samples_of_eevee(tmp_path, capsys):
+    """64 in the file; where samples are asked for, those are taken."""
+    path, out = tmp_path / "haze.blend", tmp_path / "x.exr"
+    code = (f"import bpy; scene = bpy.context.scene; tree = bpy.data.materials['Material'].node_tree;"
+            f"shader = tree.nodes.new('ShaderNodeVolumeScatter'); end = next(n for n in tree.nodes if n.type == 'OUTPUT_MATERIAL');"
+            f"tree.links.remove(end.inputs['Surface'].links[0]); tree.links.new(shader.outputs[0], end.inputs['Volume']);"
+            f"bpy.ops.wm.save_as_mainfile(filepath={str(path)!r})")
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    arguments = ["render", str(path), "--engine", "eevee", "--out", str(out), "--size", "16", "--plan", "--json"]
+    assert main(arguments) == OK
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["samples"] == 8 and "froxels" in {decision["rule"] for decision in figures["decisions"]}
+    assert main([*arguments, "--samples", "2"]) == OK
+    assert json.loads(capsys.readouterr().out)["samples"] == 2
+
+
 # --- verify ----------------------------------------------------------------------------------------------------
 
 

@@ -321,6 +321,38 @@ def test_the_map_of_a_sky_is_as_fine_as_it_changes():
         assert advice(scene(**{"environment": 2.0, "sky_rate": 5.0, "world": "World"} | change), "sky map") is None
 
 
+START_UP = {"eevee.volumetric_tile_size": "8", "eevee.volumetric_samples": 64, "eevee.taa_render_samples": 64}
+
+
+@pytest.mark.parametrize("width, height, tile, samples, slices", [
+    (48, 27, "1", 8, 128),  # 82,944 froxels, and twice as many are still below 2^18
+    (160, 90, "2", 8, 64),  # of one pixel they would be 921,600, above 2^18
+    (480, 270, "2", 8, 64),  # 2,073,600, just below 2^21
+    (960, 540, "4", 16, 64), (1920, 1080, "4", 16, 64),  # 8,294,400, just below 2^23
+])
+def test_froxels_are_finer_where_their_number_stays_small(width, height, tile, samples, slices):
+    found = advice(scene(medium(half=4.0), engine="eevee", settings=START_UP, pixels=width * height, dithers=False), "froxels")
+    expected = {("", "eevee.volumetric_tile_size"): tile, ("", "eevee.taa_render_samples"): samples}
+    assert changes(found) == expected | ({("", "eevee.volumetric_samples"): slices} if slices != 64 else {})
+    assert tuning.figures(found, "eevee").startswith("closer than before")
+
+
+def test_froxels_stay_where_nothing_is_known_of_their_error():
+    haze = medium(half=4.0)  # its diagonal is 13.9: 1 - exp(-0.05 x 13.9) = 0.5 of the light
+    known = scene(haze, engine="eevee", settings=START_UP, pixels=480 * 270, dithers=False)
+    air = Medium("World", "World", replace(HAZE, extinction=Range(0.001, 0.001)))  # 0.63 of the light over 1000 m
+    assert advice(known, "froxels") and advice(replace(known, media=(air,)), "froxels")
+    few = {**START_UP, "eevee.taa_render_samples": 8}
+    for change in ({"dithers": True}, {"media": ()}, {"media": (medium(half=1.0),)}, {"pixels": 3840 * 2160}, {"settings": few},
+                   {"media": (medium("unknown", Substance()),)}, {"settings": {**START_UP, "eevee.volumetric_tile_size": "1"}},
+                   {"engine": "cycles"}, {"media": (replace(air, substance=HAZE),), "view": None}):
+        assert advice(replace(known, **change), "froxels") is None, change
+    shown = advice(replace(known, viewport=1500.0 * 900.0), "froxels")  # 21.6 million of 2 pixels, 5.4 million of 4
+    assert changes(shown) == {("", "eevee.volumetric_tile_size"): "4", ("", "eevee.taa_render_samples"): 16}
+    twelve = advice(replace(known, settings={**START_UP, "eevee.taa_render_samples": 12}), "froxels")
+    assert changes(twelve)["", "eevee.taa_render_samples"] == 8  # never fewer
+
+
 def test_settings_that_bring_nothing_are_switched_off():
     assert changes(advice(scene(medium()), "light tree")) == {("", "cycles.use_light_tree"): False}
     assert advice(scene(medium(), lamps=[lamp("a"), lamp("b")]), "light tree") is None

@@ -17,7 +17,8 @@ from . import compat, ranges, settings
 from . import survey as trace
 
 PATHS = ("cycles.volume_bounces", "cycles.volume_biased", "cycles.volume_step_rate", "cycles.volume_max_steps", "cycles.use_light_tree",
-         "cycles.use_guiding", "render.use_persistent_data")
+         "cycles.use_guiding", "render.use_persistent_data", "eevee.volumetric_tile_size", "eevee.volumetric_samples",
+         "eevee.taa_render_samples")
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 # Modifiers whose result stays where it is as long as nothing of them is animated.
 STILL = {"SUBSURF", "BEVEL", "MIRROR", "ARRAY", "SOLIDIFY", "TRIANGULATE", "WEIGHTED_NORMAL", "EDGE_SPLIT", "DECIMATE", "REMESH", "SCREW",
@@ -83,14 +84,26 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
         mirrors=_any_mirrors(found, materials), touches=_touches(rest, media),
-        paths=_paths(blender_scene), unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
+        pixels=_pixels(blender_scene), viewport=_viewport(), paths=_paths(blender_scene), dithers=_dithers(blender_scene, rest, materials), unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
+
+
+def _pixels(blender_scene: bpy.types.Scene) -> float:
+    render = blender_scene.render
+    return render.resolution_x * render.resolution_y * (render.resolution_percentage / 100.0) ** 2
+
+
+def _viewport() -> float:
+    """Pixels of the largest 3D viewport; none without windows."""
+    windows = () if bpy.app.background else bpy.context.window_manager.windows
+    return float(max((region.width * region.height for window in windows for area in window.screen.areas if area.type == "VIEW_3D"
+                      for region in area.regions if region.type == "WINDOW"), default=0))
 
 
 def _paths(blender_scene: bpy.types.Scene) -> float:
     """Camera paths of a picture; with adaptive sampling few pixels take all of their samples."""
-    render, cycles = blender_scene.render, blender_scene.cycles
+    cycles = blender_scene.cycles
     samples = min(cycles.samples, ADAPTIVE_SAMPLES) if cycles.use_adaptive_sampling else cycles.samples
-    return render.resolution_x * render.resolution_y * (render.resolution_percentage / 100.0) ** 2 * samples
+    return _pixels(blender_scene) * samples
 
 
 def _has(blender_scene: bpy.types.Scene, path: str) -> bool:
@@ -555,6 +568,15 @@ def _any_mirrors(found: list[bpy.types.Object], materials: dict) -> bool:
     if copied:
         return any(_known(material, materials)[4] for material in bpy.data.materials if material.users)
     return any(_reflects(candidate, materials) for candidate in found)
+
+
+def _dithers(blender_scene: bpy.types.Scene, found: list[bpy.types.Object], materials: dict) -> bool:
+    """Whether EEVEE takes samples for blur, traced rays, or surfaces that mirror or let light through."""
+    camera = blender_scene.camera
+    blurs = blender_scene.render.use_motion_blur or blender_scene.eevee.use_raytracing or (
+        camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof)
+    return blurs or _any_mirrors(found, materials) or not all(_known(slot.material, materials)[3] for candidate in found
+                                                              for slot in candidate.material_slots if slot.material is not None)
 
 
 def _holds(mesh: bpy.types.Mesh, outlines: list, eye: tuple) -> bool:

@@ -22,13 +22,14 @@ EXCLUDES = "excludes"
 
 
 def plan(scene: bpy.types.Scene, error: float = tuning.TARGET, without: Collection[str] = (), *,
-         paths: float | None = None) -> list[Advice]:
+         paths: float | None = None, pixels: float | None = None) -> list[Advice]:
     """The advice for the scene as it is now, within the relative error; see ``plan.tuning.tune``. Nothing is changed.
 
-    ``paths``: camera paths of the picture that is to be rendered, where these are not those of the scene's own settings.
+    ``paths``: camera paths of the picture that is to be rendered, and ``pixels`` its size, where these are not those of the scene's
+    own settings.
     """
-    observed = observe.scene(scene)
-    return tuning.tune(observed if paths is None else replace(observed, paths=paths), error, without)
+    other = {name: value for name, value in (("paths", paths), ("pixels", pixels)) if value is not None}
+    return tuning.tune(replace(observe.scene(scene), **other), error, without)
 
 
 def apply(scene: bpy.types.Scene, advice: Sequence[Advice]) -> None:

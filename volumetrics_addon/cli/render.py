@@ -123,11 +123,12 @@ class _OfPreset:
     def open(self) -> None:
         pass
 
-    def shoot(self, samples: int, progress: Callable[[float], None]) -> tuple[Any, float, Any]:
-        """Image, seconds and decisions of a picture of so many samples."""
+    def shoot(self, samples: int | None, progress: Callable[[float], None]) -> tuple[Any, float, Any]:
+        """Image, seconds and decisions of a picture of so many samples, or of its own."""
         from .. import verify
         from ..blender import render
 
+        samples = samples or self.own_samples
         scene = verify.scene_of(self.source, self.engine, self.width * self.height * samples)
         made = render.render(self.source, scene, self.engine, self.width, self.height, samples, seed=self.arguments.seed,
                              quiet=not self.arguments.engine_output, without=self.arguments.without, progress=progress)
@@ -158,20 +159,20 @@ class _OfBlend:
                                        quiet=not self.arguments.engine_output)
         self.engine = self.arguments.engine or compat.engine_of(self.source)
         self.width, self.height = stage.size_of(self.source, self.arguments.size)
-        self.own_samples = self.source.cycles.samples if self.engine == CYCLES else self.source.eevee.taa_render_samples
+        self.own_samples = own_samples(self.source, self.engine)
         self.exposure = self.source.view_settings.exposure
         self.files = identity.externals()
         self.pixels = identity.digest(file=self.digest, files=self.files)
 
-    def shoot(self, samples: int, progress: Callable[[float], None]) -> tuple[Any, float, Any]:
+    def shoot(self, samples: int | None, progress: Callable[[float], None]) -> tuple[Any, float, Any]:
         import time
 
         from ..blender import stage
 
         start = time.perf_counter()
         with stage.of_scene(self.source, self.engine, not self.arguments.engine_output,
-                            prepare=self.prepare and (lambda scene: self.prepare(scene, samples))) as on:
-            image = on.shoot(self.width, self.height, samples, self.arguments.seed)
+                            prepare=self.prepare and (lambda scene: self.prepare(scene, samples or self.own_samples))) as on:
+            image = on.shoot(self.width, self.height, samples or self.own_samples, self.arguments.seed)
         progress(1.0)
         return image, time.perf_counter() - start, [*self.planned, *on.decisions]
 
@@ -184,9 +185,16 @@ class _OfBlend:
         from ..blender import tuning
 
         tuning.restore(scene)
-        advice = tuning.plan(scene, self.arguments.plan, self.arguments.without, paths=self.width * self.height * samples)
+        advice = tuning.plan(scene, self.arguments.plan, self.arguments.without, paths=self.width * self.height * samples,
+                             pixels=self.width * self.height)
         tuning.apply(scene, advice)
+        self.own_samples = own_samples(scene, self.engine)  # a rule may have set them
         self.planned = [Decision(found.rule.name, f"changes {found.bound:.2%} at most", found.reason) for found in advice]
+
+
+def own_samples(scene: Any, engine: str) -> int:
+    """What the scene's settings give a picture of it."""
+    return scene.cycles.samples if engine == CYCLES else scene.eevee.taa_render_samples
 
 
 # --- how ------------------------------------------------------------------------------------------------------------
@@ -194,9 +202,8 @@ class _OfBlend:
 
 def _sampled(arguments: argparse.Namespace, subject: Any, checkpoint: Path, progress: Any,
              say: Any) -> tuple[dict[str, Any], Any]:
-    samples = arguments.samples or subject.own_samples
-    image, seconds, decisions = subject.shoot(samples, lambda share: progress(subject.engine, share))
-    return {"samples": samples, "seconds": seconds, "decisions": [vars(decision) for decision in decisions]}, image
+    image, seconds, decisions = subject.shoot(arguments.samples, lambda share: progress(subject.engine, share))
+    return {"samples": arguments.samples or subject.own_samples, "seconds": seconds, "decisions": [vars(decision) for decision in decisions]}, image
 
 
 def _converged(arguments: argparse.Namespace, subject: Any, checkpoint: Path, progress: Any,

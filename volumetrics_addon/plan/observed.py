@@ -154,5 +154,8 @@ class Observed:
     touches: bool = True  # whether a face of a medium's box may lie in a surface: rays then lose count of what they are in
     has_instances: bool = False  # of objects that hold media or lights and are not listed
     unused_passes: tuple[tuple[str, str], ...] = ()  # view layer and path
+    pixels: float = 0.0  # of a picture
+    viewport: float = 0.0  # pixels of the largest 3D viewport that is open
     paths: float = 0.0  # camera paths of a picture: its pixels times their samples
+    dithers: bool = True  # whether EEVEE takes samples for more than edges, shadows and media: blur, mirrors, what lets light through
     null_scattering: bool = True  # whether the engine has it beside ray marching
