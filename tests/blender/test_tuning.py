@@ -217,9 +217,15 @@ def through(scene):
     body(scene, "pane", (3.0, 0.0, 0.0), 1.0, material)
 
 
+def glass_around(material):
+    tree = material.node_tree
+    output = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
+    tree.links.new(tree.nodes.new("ShaderNodeBsdfGlass").outputs[0], output.inputs["Surface"])
+
+
 @pytest.mark.parametrize("change", [
     lambda s: setattr(s.camera.data.dof, "use_dof", True), lambda s: setattr(s.render, "use_motion_blur", True),
-    lambda s: setattr(s.eevee, "use_raytracing", True), through])
+    lambda s: setattr(s.eevee, "use_raytracing", True), through, lambda s: glass_around(bpy.data.materials["haze"])])
 def test_what_else_takes_samples_in_eevee_is_known(scene, change):
     cube(scene, volume("haze"))
     scene.eevee.use_raytracing = False
