@@ -84,7 +84,9 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
         mirrors=_any_mirrors(found, materials), touches=_touches(rest, media),
-        pixels=_pixels(blender_scene), viewport=_viewport(), paths=_paths(blender_scene), dithers=any(medium.has_surface for medium in media) or _dithers(blender_scene, rest, materials), unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
+        pixels=_pixels(blender_scene), viewport=_viewport(), paths=_paths(blender_scene),
+        dithers=any(medium.has_surface for medium in media) or _dithers(blender_scene, rest, materials),
+        unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
 
 
 def _pixels(blender_scene: bpy.types.Scene) -> float:
