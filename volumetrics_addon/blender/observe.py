@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import bpy
@@ -83,9 +83,9 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
         world is not None and world.cycles.sampling_method != "NONE", world.name if own_map else "", traced, faces, room,
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
-        mirrors=_any_mirrors(found, materials), touches=_touches(rest, media),
+        mirrors=_any_surface(found, materials, lambda known: known[4]), touches=_touches(rest, media),
         pixels=_pixels(blender_scene), viewport=_viewport(), paths=_paths(blender_scene),
-        dithers=any(medium.has_surface for medium in media) or _dithers(blender_scene, rest, materials),
+        dithers=_dithers(blender_scene, found, materials),
         unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
 
 
@@ -563,22 +563,21 @@ def _reflects(candidate: bpy.types.Object, materials: dict) -> bool:
     return any(slot.material is not None and _known(slot.material, materials)[4] for slot in candidate.material_slots)
 
 
-def _any_mirrors(found: list[bpy.types.Object], materials: dict) -> bool:
-    """Whether anything that is rendered mirrors or refracts; where objects are copied, of any material of the file."""
+def _any_surface(found: list[bpy.types.Object], materials: dict, what: Callable[[tuple], bool]) -> bool:
+    """Whether anything that is rendered is described so; where objects are copied, of any material of the file."""
     copied = any(candidate.instance_type != "NONE" or candidate.particle_systems or any(
         modifier.type == "NODES" for modifier in candidate.modifiers) for candidate in found)
     if copied:
-        return any(_known(material, materials)[4] for material in bpy.data.materials if material.users)
-    return any(_reflects(candidate, materials) for candidate in found)
+        return any(what(_known(material, materials)) for material in bpy.data.materials if material.users)
+    return any(slot.material is not None and what(_known(slot.material, materials)) for candidate in found for slot in candidate.material_slots)
 
 
 def _dithers(blender_scene: bpy.types.Scene, found: list[bpy.types.Object], materials: dict) -> bool:
-    """Whether EEVEE takes samples for blur, traced rays, or surfaces that mirror or let light through."""
+    """Whether EEVEE takes samples for blur, traced rays, or surfaces that let light through."""
     camera = blender_scene.camera
     blurs = blender_scene.render.use_motion_blur or blender_scene.eevee.use_raytracing or (
         camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof)
-    return blurs or _any_mirrors(found, materials) or not all(_known(slot.material, materials)[3] for candidate in found
-                                                              for slot in candidate.material_slots if slot.material is not None)
+    return blurs or _any_surface(found, materials, lambda known: known[2] and not known[3])
 
 
 def _holds(mesh: bpy.types.Mesh, outlines: list, eye: tuple) -> bool:

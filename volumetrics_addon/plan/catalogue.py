@@ -102,10 +102,10 @@ RULES = {rule.name: rule for rule in (
          "unbiased"),
     Rule("froxels",
          "a medium is seen, the cells of the screen that EEVEE keeps it in would not be too many if they were finer, in the picture and "
-         "in the viewport, and nothing is blurred, mirrors or lets light through",
+         "in the viewport, and nothing is blurred, traced or lets light through",
          "samples: cells that are a half, a quarter or an eighth as wide are closer with a quarter or an eighth of them",
          "closer than before to what ever finer cells and more samples come to, measured on each of the benchmark's scenes",
-         engines=(EEVEE,), closer=True, gain={EEVEE: 4.8}, shown_by="club, 48 pixels wide"),
+         engines=(EEVEE,), closer=True, gain={EEVEE: 4.4}, shown_by="foggy-street, 48 pixels wide"),
     Rule("passes",
          "a pass is rendered that neither the compositor nor the file has use for",
          "the pass",

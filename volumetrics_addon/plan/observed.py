@@ -157,5 +157,5 @@ class Observed:
     pixels: float = 0.0  # of a picture
     viewport: float = 0.0  # pixels of the largest 3D viewport that is open
     paths: float = 0.0  # camera paths of a picture: its pixels times their samples
-    dithers: bool = True  # whether EEVEE takes samples for more than edges, shadows and media: blur, mirrors, what lets light through
+    dithers: bool = True  # whether EEVEE takes samples for more than edges, shadows and media: blur, traced rays, transparency
     null_scattering: bool = True  # whether the engine has it beside ray marching
