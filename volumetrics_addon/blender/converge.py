@@ -62,7 +62,7 @@ LEAST_SECONDS = 10.0  # of a budget in which bias is measured
 EEVEE_BIAS_SAMPLES = 64
 PILOT_SEED = 1 << 30  # and upwards: none of a picture's own
 FIRST_ORDER, LEAST_ORDER = 2.0, 3.0  # error over the difference to one of half the width, see _against_finer
-MOST_FROXELS = 1 << 24  # half a gigabyte
+MOST_FROXELS = 1 << 21  # what the start-up file has in full HD; with four times as many the shadows lose lamps
 FIRST_RUNG, RUNG = 4, 4  # samples of EEVEE's first picture, and the factor to the next
 MOST_EEVEE_SAMPLES = 1 << 14
 SAVE_SECONDS = 5.0  # between two checkpoints
@@ -647,18 +647,19 @@ def _against_finer(task: _Task, on: Stage, scene: bpy.types.Scene, _: Scene | No
     cells, or they take longer than the budget.
     """
     tile, slices = int(scene.eevee.volumetric_tile_size), scene.eevee.volumetric_samples
-    finer = {"eevee.volumetric_tile_size": str(max(1, tile // 2)), "eevee.volumetric_samples": min(256, 2 * slices)}
-    froxels = [task.width * task.height / width**2 * depth for width, depth in (
-        (tile, slices), (max(1, tile // 2), min(256, 2 * slices)))]
-    if tile == 1 and slices >= 256:
+    narrow, deep = max(1, tile // 2), min(256, 2 * slices)
+    if (narrow, deep) == (tile, slices):
         raise ValueError("EEVEE has no finer cells")
-    if froxels[1] > MOST_FROXELS:
-        raise ValueError("finer cells would not fit the memory")
+    froxels = lambda width, depth: task.width * task.height / width**2 * depth  # noqa: E731
+    if froxels(narrow, deep) > MOST_FROXELS:
+        deep = slices
+    if froxels(narrow, deep) > MOST_FROXELS or narrow == tile and deep == slices:
+        raise ValueError("finer cells would not fit the memory of the shadows")
     start = time.perf_counter()
     own = on.shoot(task.width, task.height, FIRST_RUNG)
-    if (time.perf_counter() - start) * (1.0 + froxels[1] / froxels[0]) > limits[3]:
+    if (time.perf_counter() - start) * (1.0 + froxels(narrow, deep) / froxels(tile, slices)) > limits[3]:
         raise ValueError("finer cells take longer than the time allows")
-    before = settings.apply(scene, finer)
+    before = settings.apply(scene, {"eevee.volumetric_tile_size": str(narrow), "eevee.volumetric_samples": deep})
     try:
         closer = on.shoot(task.width, task.height, FIRST_RUNG)
     finally:
@@ -668,8 +669,7 @@ def _against_finer(task: _Task, on: Stage, scene: bpy.types.Scene, _: Scene | No
         return None
     difference, change = float(np.sqrt(np.mean((own - closer) ** 2))) / mean, float(own.mean()) / mean - 1.0
     return Bias(FIRST_ORDER * difference, LEAST_ORDER * difference, FIRST_ORDER * change, tuple(sorted((0.0, LEAST_ORDER * change))),
-                f"cells {finer['eevee.volumetric_tile_size']} instead of {tile} pixels wide and {finer['eevee.volumetric_samples']} "
-                f"instead of {slices} steps", task.width, task.height, time.perf_counter() - start)
+                f"cells {narrow} instead of {tile} pixels wide and {deep} instead of {slices} steps", task.width, task.height, time.perf_counter() - start)
 
 
 @contextmanager

@@ -95,9 +95,10 @@ def _pixels(blender_scene: bpy.types.Scene) -> float:
 
 
 def _viewport() -> float:
-    """Pixels of the largest 3D viewport; none without windows."""
+    """Pixels of the largest 3D viewport that EEVEE may draw in; none without windows."""
     windows = () if bpy.app.background else bpy.context.window_manager.windows
     return float(max((region.width * region.height for window in windows for area in window.screen.areas if area.type == "VIEW_3D"
+                      and area.spaces.active.shading.type in ("RENDERED", "MATERIAL")
                       for region in area.regions if region.type == "WINDOW"), default=0))
 
 

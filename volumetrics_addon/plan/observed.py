@@ -155,7 +155,7 @@ class Observed:
     has_instances: bool = False  # of objects that hold media or lights and are not listed
     unused_passes: tuple[tuple[str, str], ...] = ()  # view layer and path
     pixels: float = 0.0  # of a picture
-    viewport: float = 0.0  # pixels of the largest 3D viewport that is open
+    viewport: float = 0.0  # pixels of the largest 3D viewport that shows media
     paths: float = 0.0  # camera paths of a picture: its pixels times their samples
     dithers: bool = True  # whether EEVEE takes samples for more than edges, shadows and media: blur, traced rays, transparency
     null_scattering: bool = True  # whether the engine has it beside ray marching

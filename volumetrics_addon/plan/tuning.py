@@ -30,11 +30,11 @@ OCTREE = 16.0 * 128.0**3
 THINNEST = 1e-4  # optical depth
 MOST_FORWARD = 0.9  # mean cosine of a medium in which aimed rays alone find a lamp
 # EEVEE: the most froxels (cells of the screen, times the steps along the view) of a picture in which they are so many times finer;
-# an eighth costs nothing beside what each sample has to do anyway, a quarter and a half a part of what fewer samples save.
-FINER = {8: 1 << 18, 4: 1 << 21, 2: 1 << 23}
+# an eighth costs nothing beside what each sample has to do anyway, a quarter and a half a part of what fewer samples save. No picture
+# gets more than the start-up file has in full HD: with four times as many the shadows do not fit their memory, and lamps are lost.
+FINER = {8: 1 << 18, 4: 1 << 21, 2: 1 << 21}
 FEWER = {8: 8, 4: 8, 2: 4}  # and by what the samples are then divided
 FEWEST_SAMPLES, MOST_SLICES = 8, 128
-MOST_IN_VIEWPORT = 1 << 24  # froxels of a viewport, which has cells as wide as the picture's: half a gigabyte
 SEEN = 0.3  # share of the light that a medium takes at most, from which on its cells are more of the error than edges are
 
 
@@ -497,10 +497,9 @@ def _froxels(scene: Observed, allowed: float) -> Found:
         "volumetric_tile_size", "volumetric_samples", "taa_render_samples"))
     if not tile or scene.dithers or not any(_shows(scene, medium) for medium in scene.media):
         return None
-    froxels = scene.pixels * slices / tile**2
-    shown = scene.viewport * slices / tile**2
+    froxels, shown = (pixels * slices / tile**2 for pixels in (scene.pixels, scene.viewport))
     finer = next((times for times, most in FINER.items() if tile % times == 0 and froxels * times**2 <= most
-                  and shown * times**2 <= MOST_IN_VIEWPORT), 0)
+                  and shown * times**2 <= FINER[2]), 0)
     if not finer or (fewer := max(FEWEST_SAMPLES, samples // FEWER[finer])) >= samples:
         return None
     changes = [Change("scenes", "", "eevee.volumetric_tile_size", str(tile // finer)), Change("scenes", "", "eevee.taa_render_samples", fewer)]
