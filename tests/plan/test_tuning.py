@@ -344,7 +344,7 @@ def test_froxels_stay_where_nothing_is_known_of_their_error():
     assert advice(known, "froxels") and advice(replace(known, media=(air,)), "froxels")
     few = {**START_UP, "eevee.taa_render_samples": 8}
     for change in ({"dithers": True}, {"media": ()}, {"media": (medium(half=1.0),)}, {"pixels": 1280 * 720}, {"pixels": 1920 * 1080}, {"settings": few},
-                   {"media": (medium("unknown", Substance()),)}, {"settings": {**START_UP, "eevee.volumetric_tile_size": "1"}},
+                   {"media": (medium("unknown", Substance()),)}, {"settings": {**START_UP, "eevee.volumetric_tile_size": "4"}},
                    {"engine": "cycles"}, {"media": (replace(air, substance=HAZE),), "view": None}):
         assert advice(replace(known, **change), "froxels") is None, change
     shown = advice(replace(known, viewport=500.0 * 800.0), "froxels")  # 6.4 million of 2 pixels, 1.6 million of 4

@@ -669,7 +669,8 @@ def _against_finer(task: _Task, on: Stage, scene: bpy.types.Scene, _: Scene | No
         return None
     difference, change = float(np.sqrt(np.mean((own - closer) ** 2))) / mean, float(own.mean()) / mean - 1.0
     return Bias(FIRST_ORDER * difference, LEAST_ORDER * difference, FIRST_ORDER * change, tuple(sorted((0.0, LEAST_ORDER * change))),
-                f"cells {narrow} instead of {tile} pixels wide and {deep} instead of {slices} steps", task.width, task.height, time.perf_counter() - start)
+                f"cells {narrow} instead of {tile} pixels wide and {deep} instead of {slices} steps",
+                task.width, task.height, time.perf_counter() - start)
 
 
 @contextmanager

@@ -570,7 +570,8 @@ def _any_surface(found: list[bpy.types.Object], materials: dict, what: Callable[
         modifier.type == "NODES" for modifier in candidate.modifiers) for candidate in found)
     if copied:
         return any(what(_known(material, materials)) for material in bpy.data.materials if material.users)
-    return any(slot.material is not None and what(_known(slot.material, materials)) for candidate in found for slot in candidate.material_slots)
+    return any(slot.material is not None and what(_known(slot.material, materials)) for candidate in found
+               for slot in candidate.material_slots)
 
 
 def _dithers(blender_scene: bpy.types.Scene, found: list[bpy.types.Object], materials: dict) -> bool:

@@ -479,7 +479,9 @@ def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
                                      "changes": [vars(change) for change in found.changes]} for found in advice],
                           "saved": str(arguments.out) if arguments.out else None}, indent=2))
         return OK
-    _say(arguments, f"{scene.name} in {engine}: the plan changes the picture by {bound:.2%} at most, of {target:.2%} allowed")
+    closer = [found.rule.name for found in advice if found.rule.closer]
+    _say(arguments, f"{scene.name} in {engine}: the plan changes the picture by {bound:.2%} at most, of {target:.2%} allowed"
+                    + (f", but for what brings it closer ({', '.join(closer)})" if closer else ""))
     for found in advice:
         _say(arguments, f"\n  {found.rule.name}: {tuning.figures(found, engine)}")
         _say(arguments, f"    {found.reason}")

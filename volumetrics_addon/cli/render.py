@@ -183,13 +183,14 @@ class _OfBlend:
 
     def _plan(self, scene: Any, samples: int = TYPICAL_ROUND) -> None:
         from ..blender import tuning
+        from ..plan.tuning import effect
 
         tuning.restore(scene)
         advice = tuning.plan(scene, self.arguments.plan, self.arguments.without, paths=self.width * self.height * samples,
                              pixels=self.width * self.height)
         tuning.apply(scene, advice)
         self.own_samples = own_samples(scene, self.engine)  # a rule may have set them
-        self.planned = [Decision(found.rule.name, f"changes {found.bound:.2%} at most", found.reason) for found in advice]
+        self.planned = [Decision(found.rule.name, effect(found), found.reason) for found in advice]
 
 
 def own_samples(scene: Any, engine: str) -> int:
@@ -203,7 +204,8 @@ def own_samples(scene: Any, engine: str) -> int:
 def _sampled(arguments: argparse.Namespace, subject: Any, checkpoint: Path, progress: Any,
              say: Any) -> tuple[dict[str, Any], Any]:
     image, seconds, decisions = subject.shoot(arguments.samples, lambda share: progress(subject.engine, share))
-    return {"samples": arguments.samples or subject.own_samples, "seconds": seconds, "decisions": [vars(decision) for decision in decisions]}, image
+    return {"samples": arguments.samples or subject.own_samples, "seconds": seconds,
+            "decisions": [vars(decision) for decision in decisions]}, image
 
 
 def _converged(arguments: argparse.Namespace, subject: Any, checkpoint: Path, progress: Any,

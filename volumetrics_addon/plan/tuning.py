@@ -33,6 +33,7 @@ MOST_FORWARD = 0.9  # mean cosine of a medium in which aimed rays alone find a l
 # an eighth costs nothing beside what each sample has to do anyway, a quarter and a half a part of what fewer samples save. No picture
 # gets more than the start-up file has in full HD: with four times as many the shadows do not fit their memory, and lamps are lost.
 FINER = {8: 1 << 18, 4: 1 << 21, 2: 1 << 21}
+COARSE = 8  # pixels, of the start-up file's cells: what narrower ones are off is not much above the noise of few samples
 FEWER = {8: 8, 4: 8, 2: 4}  # and by what the samples are then divided
 FEWEST_SAMPLES, MOST_SLICES = 8, 128
 SEEN = 0.3  # share of the light that a medium takes at most, from which on its cells are more of the error than edges are
@@ -93,11 +94,17 @@ def tune(scene: Observed, error: float = TARGET, without: Collection[str] = ()) 
 Found = tuple[tuple[Change, ...], str, float] | None
 
 
+def effect(advice: Advice) -> str:
+    """What an advice does to the picture, in a few words."""
+    if advice.bound:
+        return f"changes {100.0 * advice.bound:.2g} % at most"
+    return "closer than before" if advice.rule.closer else "same picture"
+
+
 def figures(advice: Advice, engine: str) -> str:
-    """The bound and the measured gain of an advice, in a few words."""
-    bound = f"changes {100.0 * advice.bound:.2g} % at most" if advice.bound else "closer than before" if advice.rule.closer else "same picture"
+    """The effect and the measured gain of an advice, in a few words."""
     gain = advice.rule.gain.get(engine)
-    return f"{bound}, {gain:g} x as fast on {advice.rule.shown_by}" if gain else bound
+    return effect(advice) + (f", {gain:g} x as fast on {advice.rule.shown_by}" if gain else "")
 
 
 def _after(scene: Observed, advice: Advice) -> Observed:
@@ -495,14 +502,15 @@ def _froxels(scene: Observed, allowed: float) -> Found:
     inside the cells, and an eighth of the start-up file's 64 has less of it than its cells are off."""
     tile, slices, samples = (int(scene.settings.get(f"eevee.{name}", 0)) for name in (
         "volumetric_tile_size", "volumetric_samples", "taa_render_samples"))
-    if not tile or scene.dithers or not any(_shows(scene, medium) for medium in scene.media):
+    if tile < COARSE or scene.dithers or not any(_shows(scene, medium) for medium in scene.media):
         return None
     froxels, shown = (pixels * slices / tile**2 for pixels in (scene.pixels, scene.viewport))
     finer = next((times for times, most in FINER.items() if tile % times == 0 and froxels * times**2 <= most
                   and shown * times**2 <= FINER[2]), 0)
     if not finer or (fewer := max(FEWEST_SAMPLES, samples // FEWER[finer])) >= samples:
         return None
-    changes = [Change("scenes", "", "eevee.volumetric_tile_size", str(tile // finer)), Change("scenes", "", "eevee.taa_render_samples", fewer)]
+    changes = [Change("scenes", "", "eevee.volumetric_tile_size", str(tile // finer)),
+               Change("scenes", "", "eevee.taa_render_samples", fewer)]
     if 2 * slices <= MOST_SLICES and 2.0 * froxels * finer**2 <= FINER[8]:
         changes.append(Change("scenes", "", "eevee.volumetric_samples", 2 * slices))
     return tuple(changes), f"cells {tile // finer} instead of {tile} pixels wide, and {fewer} instead of {samples} samples", 0.0
