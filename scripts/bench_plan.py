@@ -157,10 +157,10 @@ class Bench:
         return pictures
 
 
-def climb(bench: Bench, ways: list[Way], truth: np.ndarray, wanted: float, limit: float, repeats: int, first: int) -> None:
+def climb(bench: Bench, ways: list[Way], truth: np.ndarray, wanted: float, limit: float, repeats: int) -> None:
     """Fill the ladders, the ways taking turns; each stops at the wanted error, the limit, or the most samples."""
     mean, variance = truth.mean(axis=0), truth.var(axis=0, ddof=1) / len(truth)
-    samples, climbing = first, list(ways)
+    samples, climbing = FEWEST_SAMPLES, list(ways)
     while climbing and samples <= bench.most:
         shots: dict[str, list] = {way.name: [] for way in climbing}
         for repeat in range(repeats):
@@ -190,6 +190,7 @@ def row(bench: Bench, way: Way, stock: Way, bias: tuple[float, float, float], wa
 
 
 def measure_eevee(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
+    """Stock and planned with their own samples, and the fewest of each with which they are as good as stock."""
     rules = list(dict.fromkeys(one.rule.name for one in bench.plan()))
     say(f"## {bench.usual.name}, {bench.engine}, Blender {bpy.app.version_string}: {', '.join(rules) or 'nothing to plan'}")
     stock, planned = Way("stock", ()), Way("planned", arguments.only)
@@ -242,7 +243,7 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     for way in others:
         compared = compare(Estimate.from_repeats(bench.converged(way, arguments.truth / 2.0)), Estimate.from_repeats(truth))
         biases[way.name] = (compared.mean_relative_error, *compared.mean_relative_interval)
-    climb(bench, [stock, *others], truth, arguments.error, arguments.limit, arguments.repeats, 4)
+    climb(bench, [stock, *others], truth, arguments.error, arguments.limit, arguments.repeats)
     for way in (stock, *others):
         for rung in way.ladder:
             say(f"   {way.name:<16} {rung.samples:6} samples  {rung.cpu:8.2f} s of processors  {rung.wall:8.2f} s  "
