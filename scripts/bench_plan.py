@@ -17,9 +17,9 @@ the relative RMSE against it, less its own variance. Both ladders are read at th
 bias is the mean of the converged planned picture over that of the converged stock one, with its 95 % interval.
 
 EEVEE keeps media in froxels, cells of the screen, and is off by their width, however many its samples. Its truth is what ever finer
-cells and more samples come to, with all of the scene's own settings besides: cells of one pixel, 256 steps and --converged samples; of an animation
-it takes the middle frame. Stock
-is the start-up file's 64 samples, planned what the plan sets; and the first rung of each ladder that is as good as stock is read too.
+cells and more samples come to, with all of the scene's own settings besides: cells of one pixel, 256 steps and --converged samples; of
+an animation it takes the middle frame. Stock is the start-up file's 64 samples, planned what the plan sets; and the first rung of each
+ladder that is as good as stock is read too.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ import inspect
 import sys
 import time
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import geometric_mean
 
@@ -200,21 +200,20 @@ def measure_eevee(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
 
     def shot(way: Way, samples: int | None) -> tuple[Rung, float]:
         pictures, cpu, wall = zip(*(bench.shoot(way, samples) for _ in range(arguments.repeats)))
-        rung = Rung(samples or 0, float(np.median(cpu)), float(np.median(wall)), rms(np.stack(pictures), truth, np.zeros(1)))
+        rung = Rung(samples or STOCK_EEVEE_SAMPLES, float(np.median(cpu)), float(np.median(wall)), rms(np.stack(pictures), truth, np.zeros(1)))
         say(f"   {way.name:<8} {samples or 'own':>4} samples  {rung.cpu:8.2f} s of processors  {rung.wall:8.2f} s  error {rung.error:.4f}  "
             f"mean {float(pictures[0].mean() / truth.mean()) - 1.0:+.2%}")
         return rung, float(pictures[0].mean() / truth.mean()) - 1.0
 
     start, start_mean = shot(stock, None)
     own, own_mean = shot(planned, None)
-    for way, last in ((stock, start), (planned, own)):
-        for samples in (1, 2, 4, 8, 16, 32):
+    for way in (stock, planned):
+        samples = 1
+        while samples < STOCK_EEVEE_SAMPLES and (not way.ladder or way.ladder[-1].error > AS_GOOD * start.error):
             way.ladder.append(shot(way, samples)[0])
-            if way.ladder[-1].error <= AS_GOOD * start.error:
-                break
-        else:
-            way.ladder.append(replace(last, samples=STOCK_EEVEE_SAMPLES))
-    firsts = [soonest(way.ladder, start.error, AS_GOOD - 1.0) for way in (stock, planned)]
+            samples *= 2
+    # At the end stock is as good as itself, and what is not as good by then has no gain.
+    firsts = [soonest([*way.ladder, start], start.error, AS_GOOD - 1.0) for way in (stock, planned)]
     found = {
         "scene": bench.usual.name, "engine": bench.engine, "version": bpy.app.version_string, "way": planned.name, "error": start.error,
         "stock_cpu": start.cpu, "planned_error": own.error, "cpu": own.cpu, "gain": start.cpu / own.cpu, "gain_wall": start.wall / own.wall,

@@ -42,6 +42,7 @@ from ..plan.catalogue import LEAST_PIXELS
 from ..plan.effort import Pilot
 from ..plan.model import CYCLES, EEVEE, Decision
 from ..plan.rules import MOST_SAMPLES
+from ..plan.tuning import MOST_FROXELS
 from ..scene.model import Scene
 from . import bias as bias_of_pictures
 from . import identity, settings, stage
@@ -62,7 +63,6 @@ LEAST_SECONDS = 10.0  # of a budget in which bias is measured
 EEVEE_BIAS_SAMPLES = 64
 PILOT_SEED = 1 << 30  # and upwards: none of a picture's own
 CELLS, FIRST_ORDER = 1.6, 2.0  # error of EEVEE's cells over the difference to cells of half the width, see _against_finer
-MOST_FROXELS = 1 << 21  # what the start-up file has in full HD; with four times as many the shadows lose lamps
 FIRST_RUNG, RUNG = 4, 4  # samples of EEVEE's first picture, and the factor to the next
 MOST_EEVEE_SAMPLES = 1 << 14
 SAVE_SECONDS = 5.0  # between two checkpoints
@@ -654,7 +654,7 @@ def _against_finer(task: _Task, on: Stage, scene: bpy.types.Scene, _: Scene | No
     if froxels(narrow, deep) > MOST_FROXELS:
         deep = slices
     if froxels(narrow, deep) > MOST_FROXELS or narrow == tile and deep == slices:
-        raise ValueError("finer cells would not fit the memory of the shadows")
+        raise ValueError(f"finer cells would be more than the {MOST_FROXELS} up to which no lamp was lost")
     start = time.perf_counter()
     own = on.shoot(task.width, task.height, FIRST_RUNG)
     if (time.perf_counter() - start) * (1.0 + froxels(narrow, deep) / froxels(tile, slices)) > limits[3]:

@@ -29,10 +29,11 @@ SERIES = 50  # tests of a lamp, below which they do not count with those of othe
 OCTREE = 16.0 * 128.0**3
 THINNEST = 1e-4  # optical depth
 MOST_FORWARD = 0.9  # mean cosine of a medium in which aimed rays alone find a lamp
-# EEVEE: the most froxels (cells of the screen, times the steps along the view) of a picture in which they are so many times finer;
-# an eighth costs nothing beside what each sample has to do anyway, a quarter and a half a part of what fewer samples save. No picture
-# gets more than the start-up file has in full HD: with four times as many the shadows do not fit their memory, and lamps are lost.
-FINER = {8: 1 << 18, 4: 1 << 21, 2: 1 << 21}
+# EEVEE's froxels: cells of the screen, times the steps along the view. No picture gets more than the start-up file has in full HD: with
+# four times as many lamps were lost there. FINER: the most where they are so many times finer; an eighth as wide they cost nothing
+# beside what each sample has to do anyway, a quarter and a half a part of what fewer samples save.
+MOST_FROXELS = 1 << 21
+FINER = {8: 1 << 18, 4: MOST_FROXELS, 2: MOST_FROXELS}
 COARSE = 8  # pixels, of the start-up file's cells: what narrower ones are off is not much above the noise of few samples
 FEWER = {8: 8, 4: 8, 2: 4}  # and by what the samples are then divided
 FEWEST_SAMPLES, MOST_SLICES = 8, 128
@@ -506,7 +507,7 @@ def _froxels(scene: Observed, allowed: float) -> Found:
         return None
     froxels, shown = (pixels * slices / tile**2 for pixels in (scene.pixels, scene.viewport))
     finer = next((times for times, most in FINER.items() if tile % times == 0 and froxels * times**2 <= most
-                  and shown * times**2 <= FINER[2]), 0)
+                  and shown * times**2 <= MOST_FROXELS), 0)
     if not finer or (fewer := max(FEWEST_SAMPLES, samples // FEWER[finer])) >= samples:
         return None
     changes = [Change("scenes", "", "eevee.volumetric_tile_size", str(tile // finer)),
