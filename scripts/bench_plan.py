@@ -7,14 +7,16 @@
 Stock: the scene's own settings, Blender's start-up ones plus what its tutorial sets. Planned: the same scene after the planner.
 Denoising is off for both, since it hides the noise that is compared; samples climb a ladder by fours, stock and planned taking
 turns, until the wanted error is reached or the samples take longer than the limit. Seconds are those of all processors (other
-work on the machine changes them little) and of the clock, of the picture alone; planning is timed by scripts/bench_tool.py.
+work on the machine changes them little) and of the clock, of the picture and of the pilot by which a noise threshold is planned;
+planning besides is timed by scripts/bench_tool.py.
 
 Each picture is planned for its own size and samples; where the rules for 1920 x 1080 pixels are others, these are measured too, and
 the gain at that size is theirs.
 
 The truth is the stock picture converged, several seeds, adaptive sampling off, kept beside the CSV under a digest. The error is
 the relative RMSE against it, less its own variance. Both ladders are read at the wanted error or the nearest that both pass. The
-bias is the mean of the converged planned picture over that of the converged stock one, with its 95 % interval.
+bias is the mean of the converged planned picture over that of the converged stock one, with its 95 % interval; where the plan sets a
+noise threshold, also that of --means pictures of the ladder's last rung, adaptive sampling on.
 
 EEVEE keeps media in froxels, cells of the screen, and is off by their width, however many its samples. Its truth is what ever finer
 cells and more samples come to, with all of the scene's own settings besides: cells of one pixel, 256 steps and --converged samples; of
@@ -82,9 +84,12 @@ class Bench:
     def plan(self, pixels: int = 0) -> list:
         return self._plan(self.build(), USUAL_SAMPLES if pixels else FEWEST_SAMPLES, pixels)
 
-    def _plan(self, scene: bpy.types.Scene, samples: int, pixels: int) -> list:
-        pixels = pixels or self.width * self.height
-        return tuning.plan(scene, without=self.without, paths=pixels * samples, pixels=pixels)
+    def _plan(self, scene: bpy.types.Scene, samples: int, pixels: int, pilot: bool = False) -> list:
+        return tuning.plan(scene, without=self.without, samples=samples, pixels=pixels or self.width * self.height, pilot=pilot)
+
+    def thresholds(self, samples: int, pixels: int) -> bool:
+        """Whether the plan for so many samples sets a noise threshold."""
+        return any(one.rule.name == tuning.NOISE_RULE for one in self._plan(self.build(), samples, pixels, True))
 
     def build(self) -> bpy.types.Scene:
         scene = self.usual.build()
@@ -92,23 +97,33 @@ class Bench:
         return scene
 
     @contextmanager
-    def dressed(self, way: Way, samples: int):
-        """The scene with the way's settings. EEVEE keeps one scene, whose shaders are compiled once."""
+    def dressed(self, way: Way, samples: int, pilot: bool):
+        """The scene with the way's settings, and the seconds of its pilot, of all processors and of the clock. EEVEE keeps one scene,
+        whose shaders are compiled once."""
         if self.built is None or self.engine == CYCLES:
             self.built = self.build()
         scene = self.built
         if way.rules == ():
-            yield scene
+            yield scene, (0.0, 0.0)
             return
-        advice = self._plan(scene, samples, way.pixels)
+        advice, without = self._timed_plan(scene, samples, way.pixels, False)
+        seconds = 0.0, 0.0
+        if pilot and not way.pixels and (way.rules is None or tuning.NOISE_RULE in way.rules):
+            advice, taken = self._timed_plan(scene, samples, way.pixels, True)
+            seconds = tuple(max(0.0, more - less) for more, less in zip(taken, without))
         tuning.apply(scene, [one for one in advice if way.rules is None or one.rule.name in way.rules])
-        yield scene
+        yield scene, seconds
         tuning.restore(scene)
+
+    def _timed_plan(self, scene: bpy.types.Scene, samples: int, pixels: int, pilot: bool) -> tuple[list, tuple[float, float]]:
+        cpu, wall = time.process_time(), time.perf_counter()
+        advice = self._plan(scene, samples, pixels, pilot)
+        return advice, (time.process_time() - cpu, time.perf_counter() - wall)
 
     def shoot(self, way: Way, samples: int | None, seed: int = 0, converged: bool = False) -> tuple[np.ndarray, float, float]:
         """The picture, all frames below each other; seconds of all processors and of the clock. Without ``samples`` EEVEE has those
         of its settings."""
-        with self.dressed(way, samples or STOCK_EEVEE_SAMPLES) as scene:
+        with self.dressed(way, samples or STOCK_EEVEE_SAMPLES, not converged) as (scene, pilot):
             scene.cycles.use_denoising, own = False, scene.eevee.taa_render_samples
             if samples:
                 scene.cycles.samples = scene.eevee.taa_render_samples = samples
@@ -121,7 +136,7 @@ class Bench:
                 if len(self.usual.frames) > 1:
                     scene.frame_set(frame)
                 frames.append(render.render_built(scene, self.width, self.height, seed=seed)[0])
-            seconds = time.process_time() - cpu, time.perf_counter() - wall
+            seconds = time.process_time() - cpu + pilot[0], time.perf_counter() - wall + pilot[1]
             scene.eevee.taa_render_samples = own
         return np.concatenate(frames), *seconds
 
@@ -247,6 +262,13 @@ def measure(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
         for rung in way.ladder:
             say(f"   {way.name:<16} {rung.samples:6} samples  {rung.cpu:8.2f} s of processors  {rung.wall:8.2f} s  "
                 f"error {rung.error:.4f}")
+    for way in others:
+        if arguments.means > 1 and way.rules is None and bench.thresholds(way.ladder[-1].samples, way.pixels):
+            pictures = np.stack([bench.shoot(way, way.ladder[-1].samples, 2000 + seed)[0] for seed in range(arguments.means)])
+            found = compare(Estimate.from_repeats(pictures), Estimate.from_repeats(truth))
+            low, high = found.mean_relative_interval
+            say(f"   {way.name}: with its noise threshold at {way.ladder[-1].samples} samples the mean is {found.mean_relative_error:+.3%} "
+                f"[{low:+.3%}, {high:+.3%}]")
     rows = []
     for way in others:
         try:
@@ -308,6 +330,7 @@ def main() -> None:
     parser.add_argument("--error", type=float, default=0.03, help="relative RMSE at which the ladders are read if both pass it")
     parser.add_argument("--limit", type=float, default=20.0, help="processor seconds of the samples at which a ladder ends")
     parser.add_argument("--truth", type=float, default=120.0, help="processor seconds of a truth")
+    parser.add_argument("--means", type=int, default=0, help="pictures from which the mean with a noise threshold is measured")
     parser.add_argument("--converged", type=int, default=64, help="samples of EEVEE's converged picture")
     parser.add_argument("--alone", action="store_true", help="measure each rule of the plan by itself too")
     parser.add_argument("--only", type=words, help="apply only these rules")

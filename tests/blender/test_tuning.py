@@ -259,6 +259,38 @@ def test_finer_froxels_are_closer_in_fewer_samples(scene):
     assert error["planned"] < 0.5 * error["own"], error
 
 
+def test_the_probe_of_a_sky_may_be_smaller(scene):
+    """Under a black world the same picture; one colour and a ramp within their bounds, the sky their only light; every value back."""
+    cube(scene, volume("haze", inputs={"Density": 0.5}))
+    body(scene, "floor", (0.0, 0.0, -6.0), 10.0)
+    scene.render.engine, scene.eevee.taa_render_samples = compat.current().eevee, 4
+    lamps, strength = [bpy.data.objects["Light"]], scene.world.node_tree.nodes["Background"].inputs["Strength"]
+
+    def change():
+        own = render.render_built(scene, 32, 18)[0]
+        found = rules(scene, 0.05)["sky probe"]
+        tuning.apply(scene, [found])
+        assert int(scene.world.probe_resolution) == int(found.changes[0].value) < 1024
+        planned = render.render_built(scene, 32, 18)[0]
+        tuning.restore(scene)
+        assert scene.world.probe_resolution == "1024"
+        return float(np.sqrt(np.mean((planned - own) ** 2)) / own.mean()), found.bound
+
+    assert change() == (0.0, 0.0)
+    for one in lamps:
+        bpy.data.objects.remove(one)
+    strength.default_value = 1.0
+    found, bound = change()
+    assert found <= bound == 0.006
+    ramp_of(scene.world, 2.0)
+    found, bound = change()
+    assert 0.0 < found <= bound == 0.01
+    scene.world.sun_threshold = 0.8  # the ramp has 1 at most
+    assert "sky probe" not in rules(scene, 0.05)
+    scene.world.sun_threshold = 0.0
+    assert "sky probe" in rules(scene, 0.05)
+
+
 def test_mirrors_are_found_on_surfaces_and_on_media(scene):
     haze = volume("haze")
     cube(scene, haze)

@@ -4,6 +4,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +12,7 @@ from scipy import stats
 
 from volumetrics_addon.plan import tuning, visibility
 from volumetrics_addon.plan.catalogue import RULES
-from volumetrics_addon.plan.observed import Lamp, Medium, Observed, Range, Solids, Substance, Survey, View
+from volumetrics_addon.plan.observed import Lamp, Medium, Noise, Observed, Range, Solids, Substance, Survey, View
 
 HAZE = Substance(Range(0.05, 0.05), 0.8, 0.0, False, False, 0.0)
 CLOUD = Substance(Range(0.0, 2.0), 0.9, 0.5, False, True, 0.5)
@@ -45,7 +46,8 @@ def changes(found):
 
 def allowed(rule, error=0.002):
     """What a rule may spend where none before it has spent anything."""
-    shares = [later.share for later in list(RULES.values())[list(RULES).index(rule):]]
+    rules = [entry for entry in RULES.values() if "cycles" in entry.engines]
+    shares = [later.share for later in rules[rules.index(RULES[rule]):]]
     return error * shares[0] / sum(shares)
 
 
@@ -244,14 +246,21 @@ def test_media_whose_density_is_not_known_are_not_marched(substance):
     assert advice(scene(medium("cloud", substance), medium("other", CLOUD)), "ray marching") is None or substance is HAZE
 
 
+def test_long_ways_take_more_steps_than_the_engines_own_most():
+    """The diagonal of 2 sqrt 3 x 25 in steps of 0.0775: 1118, where the engine stops at 1024."""
+    step = math.sqrt(24.0 * allowed("ray marching")) / 2.0
+    found = advice(scene(medium("cloud", CLOUD, half=25.0), settings={"cycles.volume_max_steps": 1024}), "ray marching")
+    assert changes(found)[("", "cycles.volume_max_steps")] == math.ceil(50.0 * math.sqrt(3.0) / step) == 1119
+
+
 def test_a_huge_domain_with_fine_features_is_not_marched():
     assert advice(scene(medium("cloud", CLOUD, half=1000.0)), "ray marching") is None
 
 
 def test_marching_pays_where_its_steps_are_fewer_than_the_octrees_evaluations():
-    """16 x 128^3 evaluations for each object; of the diagonal of 2 sqrt 3 in steps of 0.0745, as many as there are paths."""
+    """40 x 128^3 steps for each object; of the diagonal of 2 sqrt 3 in steps of 0.0775, as many as there are paths."""
     step = math.sqrt(24.0 * allowed("ray marching")) / 2.0
-    most = 16.0 * 128.0**3 / (2.0 * math.sqrt(3.0) / step)
+    most = 40.0 * 128.0**3 / (2.0 * math.sqrt(3.0) / step)
     assert advice(scene(medium("cloud", CLOUD), paths=0.99 * most), "ray marching")
     assert advice(scene(medium("cloud", CLOUD), paths=1.01 * most), "ray marching") is None
 
@@ -275,15 +284,37 @@ def test_media_that_share_a_material_get_the_shorter_steps():
 # --- sampling and the rest --------------------------------------------------------------------------------------
 
 
-def test_lamps_at_points_are_sampled_by_themselves():
-    once = {"cycles.volume_bounces": 0}
-    found = advice(scene(medium(), settings=once, lamps=[lamp(), lamp("b")]), "sampling")
+@pytest.mark.parametrize("lamps", [[lamp(), lamp("b")], [lamp(), lamp("spot", kind="SPOT", cone=1.0)]])
+def test_lamps_at_points_are_sampled_by_themselves(lamps):
+    found = advice(scene(medium(), lamps=lamps), "sampling")
     assert found.changes == (tuning.Change("materials", "haze material", "cycles.volume_sampling", "EQUIANGULAR"),)
+    assert advice(scene(medium(), lamps=lamps, environment=1.0), "sampling")  # direct light of the lamps alone is sampled so
     world = Medium("World", "World", HAZE, sampling="EQUIANGULAR")
-    for other in (scene(medium(), settings=once, environment=1.0), scene(medium()), scene(world, settings=once),
-                  scene(medium(), settings=once, lamps=[lamp(), lamp(kind="SUN")]), scene(medium("cloud", CLOUD), settings=once),
-                  scene(medium(), settings=once, lamps=[lamp(kind="SPOT", cone=1.0)])):
+    for other in (scene(world, lamps=lamps), scene(medium(), lamps=[lamp(position=(0.0, 0.0, 1.5)), lamp(kind="SUN")]), scene(medium("cloud", CLOUD), lamps=lamps),
+                  scene(medium(), lamps=[*lamps, lamp(kind="AREA")]), scene(medium(), lamps=lamps, has_emitters=True),
+                  scene(medium(), lamps=lamps, has_instances=True), scene(medium(), lamps=[])):
         assert advice(other, "sampling") is None
+
+
+def test_deep_media_are_not_sampled_by_their_lamps():
+    """The diagonal 2 sqrt 3 of extinction 1.15 is an optical depth of 3.98; a material of a shallow and a deep medium stays."""
+    shallow, deep = (medium(name, replace(HAZE, extinction=Range(sigma, sigma))) for name, sigma in (("shallow", 1.15), ("deep", 1.16)))
+    assert changes(advice(scene(shallow, deep), "sampling")) == {("shallow material", "cycles.volume_sampling"): "EQUIANGULAR"}
+    assert advice(scene(shallow, replace(deep, material=shallow.material)), "sampling") is None
+
+
+def test_a_sun_and_far_lamps_are_sampled_by_distance():
+    """The box reaches from -1 to 1, half of its diagonal is sqrt 3: a lamp is far from 2.74 on, with its radius."""
+    sun = lamp("sun", kind="SUN")
+    for substance in (HAZE, CLOUD):
+        found = advice(scene(medium("m", substance), lamps=[sun, lamp(position=(0.0, 0.0, 2.74))]), "sampling")
+        assert changes(found) == {("m material", "cycles.volume_sampling"): "DISTANCE"}
+    for lamps in ([sun], [sun, lamp(position=(0.0, 0.0, 2.73))], [sun, lamp(position=(0.0, 0.0, 2.74), radius=0.1)],
+                  [sun, lamp(position=(0.0, 0.0, 9.0), kind="SPOT", cone=1.0)], [sun, lamp(position=(0.0, 0.0, 9.0), moves=True)]):
+        assert advice(scene(medium("cloud", CLOUD), lamps=lamps), "sampling") is None
+    near = medium("near", CLOUD, center=(0.0, 0.0, 4.0))
+    both = scene(medium("cloud", CLOUD), replace(near, material="cloud material"), lamps=[sun, lamp(position=(0.0, 0.0, 2.74))])
+    assert advice(both, "sampling") is None  # of one material, and for one of them the lamp is not far
 
 
 def test_lamps_that_aimed_rays_find_are_hit_by_no_others():
@@ -319,6 +350,51 @@ def test_the_map_of_a_sky_is_as_fine_as_it_changes():
     assert changes(finer)[("World", "cycles.sample_map_resolution")] == 256
     for change in ({"sky_rate": 50.0}, {"sky_rate": math.inf}, {"sky_rate": 0.0}, {"world": ""}, {"environment": math.inf}):
         assert advice(scene(**{"environment": 2.0, "sky_rate": 5.0, "world": "World"} | change), "sky map") is None
+
+
+ADAPTIVE = {"cycles.use_adaptive_sampling": True, "cycles.adaptive_threshold": 0.01}
+
+
+def test_the_threshold_is_that_of_pixels_with_half_of_the_noise():
+    """Cycles' own criterion, drawn: pixels of brightness 0.3, 0.6 and 0.9 whose samples have a deviation of 1 in each channel; of 256
+    samples the sum of |all - every other| over the root of the brightness."""
+    draws = np.random.default_rng(3).normal((0.3, 0.6, 0.9), 1.0, (2000, 256, 3))
+    difference = np.abs(draws.mean(axis=1) - draws[:, ::2].mean(axis=1)).sum(axis=-1).mean() / math.sqrt(1.8)
+    noisy = scene(settings=ADAPTIVE, samples=256.0, noise=Noise(1.0, 1.8))
+    found = advice(noisy, "noise threshold")
+    assert changes(found) == {("", "cycles.adaptive_threshold"): pytest.approx(0.5 * difference, rel=0.05)}
+    assert tuning.effect(found) == "an eighth more noise at most"
+    assert "noise of 10 %" in found.reason  # of one channel: 1 / 16 over 0.6
+    assert advice(replace(noisy, samples=4.0 * 256.0), "noise threshold").changes[0].value == pytest.approx(0.25 * difference, rel=0.05)
+
+
+@pytest.mark.parametrize("change", [
+    {"noise": None}, {"noise": Noise(0.0, 1.8)}, {"noise": Noise(1.0, 0.0)}, {"samples": 1e6}, {"engine": "eevee"},
+    {"settings": {**ADAPTIVE, "cycles.use_adaptive_sampling": False}}, {"settings": {**ADAPTIVE, "cycles.adaptive_threshold": 0.1}}])
+def test_a_threshold_is_only_raised_and_only_by_what_was_measured(change):
+    assert advice(replace(scene(settings=ADAPTIVE, samples=256.0, noise=Noise(1.0, 1.8)), **change), "noise threshold") is None
+
+
+def test_a_threshold_of_nothing_stands_for_the_engines_choice():
+    """1 / 256 for 256 samples, 0.001 at least."""
+    by_engine = scene(settings={**ADAPTIVE, "cycles.adaptive_threshold": 0.0}, samples=256.0)
+    assert tuning.own_threshold(by_engine) == 1.0 / 256.0
+    assert tuning.own_threshold(replace(by_engine, samples=4096.0)) == 0.001
+
+
+def test_the_probe_of_a_sky_is_as_wide_as_it_needs():
+    black = scene(engine="eevee", probe=("World", 1024))
+    found = advice(black, "sky probe")
+    assert found.changes == (tuning.Change("worlds", "World", "probe_resolution", "128"),) and found.bound == 0.0
+    plain, smooth = replace(black, environment=2.0), replace(black, environment=2.0, sky_rate=2.0)
+    for other, bound in ((plain, 0.006), (smooth, 0.01)):
+        assert advice(other, "sky probe") is None  # within the usual 0.2 %
+        assert advice(other, "sky probe", error=0.99 * bound) is None
+        found = advice(other, "sky probe", error=bound)
+        assert changes(found) == {("World", "probe_resolution"): "512"} and found.bound == bound
+    for change in ({"sky_rate": 2.1}, {"environment": math.inf, "sky_rate": math.inf}, {"probe": None}, {"probe": ("World", 512)},
+                   {"engine": "cycles"}):
+        assert advice(replace(smooth, **change), "sky probe", error=0.1) is None
 
 
 START_UP = {"eevee.volumetric_tile_size": "8", "eevee.volumetric_samples": 64, "eevee.taa_render_samples": 64}

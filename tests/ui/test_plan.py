@@ -7,6 +7,7 @@ from unittest.mock import MagicMock
 import bpy
 import pytest
 
+from volumetrics_addon.bench import usual
 from volumetrics_addon.blender import compat, tuning
 from volumetrics_addon.ui.plan import VOLUMETRICS_PT_plan
 
@@ -25,29 +26,59 @@ def state(extension):
     state = bpy.context.window_manager.volumetrics_plan
     state.advice.clear()
     state.property_unset("error")
+    state.property_unset("pilot")
     yield state
     state.advice.clear()
 
 
+def drawn():
+    """The settings of the panel itself."""
+    return [call.args[1] for call in draw().prop.call_args_list]
+
+
 def labels():
+    layout = draw()
+    box = layout.box.return_value
+    return ([call.kwargs["text"] for call in box.prop.call_args_list],
+            " ".join(call.kwargs["text"] for call in box.column.return_value.label.call_args_list))
+
+
+def draw():
     layout = MagicMock()
     context = SimpleNamespace(window_manager=bpy.context.window_manager, scene=bpy.context.scene, preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
                               region=SimpleNamespace(width=400))
     VOLUMETRICS_PT_plan.draw(SimpleNamespace(layout=layout), context)
-    box = layout.box.return_value
-    return ([call.kwargs["text"] for call in box.prop.call_args_list],
-            " ".join(call.kwargs["text"] for call in box.column.return_value.label.call_args_list))
+    return layout
 
 
 def test_finding_changes_nothing_and_lists_the_rules(state):
     scene = bpy.context.scene
     assert labels() == ([], "")
     assert bpy.ops.volumetrics.plan() == {"FINISHED"}
-    assert [entry.name for entry in state.advice] == ["bounces", "light tree", "persistent data"]
+    assert [entry.name for entry in state.advice] == ["bounces", "sampling", "light tree", "persistent data"]
     names, words = labels()
-    assert names == ["Bounces", "Light tree", "Persistent data"]
+    assert names == ["Bounces", "Sampling", "Light tree", "Persistent data"]
     assert "changes 0.0" in words and "same picture" in words and "instead of 100: of the light" in words
     assert scene.cycles.volume_bounces == 100 and not tuning.is_applied(scene)
+
+
+def test_a_pilot_is_rendered_where_it_is_asked_for(state):
+    """A threshold by what the pilot says; the light tree's switch is beside it."""
+    usual.by_name("spot-haze").build()
+    scene, state = bpy.context.scene, bpy.context.window_manager.volumetrics_plan
+    scene.render.engine, scene.cycles.samples = "CYCLES", 256
+    scene.render.resolution_x, scene.render.resolution_y = 64, 36
+    assert "pilot" in drawn()
+    for wanted in (False, True):
+        state.pilot = wanted
+        assert bpy.ops.volumetrics.plan() == {"FINISHED"}
+        assert ("noise threshold" in state.advice) == wanted
+    assert scene.cycles.adaptive_threshold == pytest.approx(0.01)
+    assert bpy.ops.volumetrics.plan_apply() == {"FINISHED"} and scene.cycles.adaptive_threshold > 0.012
+    assert bpy.ops.volumetrics.plan_restore() == {"FINISHED"}
+    assert scene.cycles.adaptive_threshold == pytest.approx(0.01)
+    scene.render.engine = compat.current().eevee
+    assert "pilot" not in drawn()
 
 
 def test_rules_switched_off_stay_off(state):

@@ -16,7 +16,7 @@ from ..plan.observed import UNKNOWN, Lamp, Medium, Observed, Range, Solids, Subs
 from . import compat, ranges, settings
 from . import survey as trace
 
-PATHS = ("cycles.volume_bounces", "cycles.volume_biased", "cycles.volume_step_rate", "cycles.volume_max_steps", "cycles.use_light_tree",
+PATHS = ("cycles.use_adaptive_sampling", "cycles.adaptive_threshold", "cycles.volume_bounces", "cycles.volume_biased", "cycles.volume_step_rate", "cycles.volume_max_steps", "cycles.use_light_tree",
          "cycles.use_guiding", "render.use_persistent_data", "eevee.volumetric_tile_size", "eevee.volumetric_samples",
          "eevee.taa_render_samples")
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
@@ -25,7 +25,7 @@ STILL = {"SUBSURF", "BEVEL", "MIRROR", "ARRAY", "SOLIDIFY", "TRIANGULATE", "WEIG
          "WELD", "SKIN", "WIREFRAME", "MULTIRES", "SIMPLE_DEFORM", "DISPLACE", "SMOOTH", "CAST"}
 MOST_FACES = 64  # of a mesh that is looked through for walls
 MIRRORS = 0.3  # roughness below which a surface shows what it mirrors
-ADAPTIVE_SAMPLES = 256  # that a pixel takes on average at most
+ADAPTIVE_SAMPLES = 256  # that a pixel takes on average at most, of those that the scene has for it
 FEWEST_LAMPS, MOST_LAMPS, MOST_TRACED = 4, 200, 250  # lamps and objects of a scene whose light paths are traced: a ray asks all objects
 CONTACT = 1e-6  # of a medium's size, within which its face lies in a surface
 RAYLEIGH_G = 0.15  # of the HG lobe with at least the peak and the contrast of molecules
@@ -45,11 +45,13 @@ class _Part:
 _UNREAD = _Part(Range(0.0, math.inf, math.inf), 1.0, 0.999, True, True)
 
 
-def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None, *, survey: bool = True) -> Observed:
+def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None, *, survey: bool = True,
+          samples: int | None = None, pixels: float | None = None) -> Observed:
     """What the planner knows of the scene at its current frame, as one of its view layers renders it.
 
-    With ``survey`` light paths are traced where that is quick, and may find lamps that light nothing in the picture. Raises
-    ValueError for an engine other than Cycles and EEVEE.
+    With ``survey`` light paths are traced where that is quick, and may find lamps that light nothing in the picture. ``samples`` and
+    ``pixels`` are those of the picture that is to be rendered, where they are not the scene's. Raises ValueError for an engine other
+    than Cycles and EEVEE.
     """
     layer = view_layer or blender_scene.view_layers[0]
     layer.update()
@@ -77,14 +79,19 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
     traced = _survey(blender_scene, layer, view, lamps, media, rest, materials) if survey and not instances else None
     solids, faces, room = _surroundings(rest, media, view, materials) if media else (None, (), ())
     world, sky = blender_scene.world, _environment(blender_scene)
+    if pixels is None:
+        pixels = _pixels(blender_scene)
+    expected = ADAPTIVE_SAMPLES if samples is None and blender_scene.cycles.use_adaptive_sampling else math.inf
+    if samples is None:
+        samples = blender_scene.cycles.samples
     own_map = world is not None and world.library is None and world.cycles.sampling_method == "AUTOMATIC"
     return Observed(
         engine, present, view, tuple(media), tuple(lamps), solids, sky.high, sky.rate,
-        world is not None and world.cycles.sampling_method != "NONE", world.name if own_map else "", traced, faces, room,
+        world is not None and world.cycles.sampling_method != "NONE", world.name if own_map else "", _probe(world, sky), traced, faces, room,
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
         mirrors=_any_surface(found, materials, lambda known: known[4]), touches=_touches(rest, media),
-        pixels=_pixels(blender_scene), viewport=_viewport(), paths=_paths(blender_scene),
+        pixels=pixels, viewport=_viewport(), samples=samples, paths=pixels * min(samples, expected),
         dithers=_dithers(blender_scene, found, materials),
         unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
 
@@ -94,19 +101,19 @@ def _pixels(blender_scene: bpy.types.Scene) -> float:
     return render.resolution_x * render.resolution_y * (render.resolution_percentage / 100.0) ** 2
 
 
+def _probe(world: bpy.types.World | None, sky: Range) -> tuple[str, int] | None:
+    """Not where EEVEE finds a sun in the map: it takes what is brighter than a threshold for one."""
+    if world is None or world.library is not None or 0.0 < world.sun_threshold <= sky.high:
+        return None
+    return world.name, int(world.probe_resolution)
+
+
 def _viewport() -> float:
     """Pixels of the largest 3D viewport that EEVEE may draw in; none without windows."""
     windows = () if bpy.app.background else bpy.context.window_manager.windows
     return float(max((region.width * region.height for window in windows for area in window.screen.areas if area.type == "VIEW_3D"
                       and area.spaces.active.shading.type in ("RENDERED", "MATERIAL")
                       for region in area.regions if region.type == "WINDOW"), default=0))
-
-
-def _paths(blender_scene: bpy.types.Scene) -> float:
-    """Camera paths of a picture; with adaptive sampling few pixels take all of their samples."""
-    cycles = blender_scene.cycles
-    samples = min(cycles.samples, ADAPTIVE_SAMPLES) if cycles.use_adaptive_sampling else cycles.samples
-    return _pixels(blender_scene) * samples
 
 
 def _has(blender_scene: bpy.types.Scene, path: str) -> bool:

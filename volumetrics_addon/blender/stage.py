@@ -19,15 +19,13 @@ from ..scene import assemble
 from ..scene.model import Scene
 from . import compat, render, settings
 
-# A user's scene keeps its own settings but for these. Rounds are independent and equally long, hence no adaptive sampling and no
-# time limit; denoising, stamps and dither are no light, and the picture is that of the scene's camera.
-ROUND_SETTINGS = {
-    CYCLES: {"cycles.use_adaptive_sampling": False, "cycles.use_denoising": False, "cycles.time_limit": 0.0,
-             "cycles.use_animated_seed": False, "cycles.sampling_pattern": "TABULATED_SOBOL"},
-    EEVEE: {},
-}
+# A user's scene keeps its own settings but for these: denoising, stamps and dither are no light, and the picture is that of the
+# scene's camera. Rounds are independent and equally long too, hence no adaptive sampling and no time limit.
 PICTURE_SETTINGS = {"render.use_sequencer": False, "render.use_stamp": False, "render.dither_intensity": 0.0,
                     "render.use_multiview": False}
+ENGINE_SETTINGS = {CYCLES: {"cycles.use_denoising": False, "cycles.use_animated_seed": False}, EEVEE: {}}
+ROUND_SETTINGS = {CYCLES: {"cycles.use_adaptive_sampling": False, "cycles.time_limit": 0.0,
+                           "cycles.sampling_pattern": "TABULATED_SOBOL"}, EEVEE: {}}
 BORDER = ("render.use_border", "render.use_crop_to_border", "render.border_min_x", "render.border_max_x", "render.border_min_y",
           "render.border_max_y")
 
@@ -91,8 +89,8 @@ def of_preset(preset: Preset, scene: Scene, engine: str, seed: int = 0, quiet: b
 
 @contextmanager
 def of_scene(scene: bpy.types.Scene, engine: str, quiet: bool = True, changes: Mapping[str, Any] | None = None,
-             prepare: Callable[[bpy.types.Scene], None] | None = None) -> Iterator[Stage]:
-    """A user's scene as its file has it, but for what rounds need; its settings come back at the end.
+             prepare: Callable[[bpy.types.Scene], None] | None = None, rounds: bool = True) -> Iterator[Stage]:
+    """A user's scene as its file has it, but for what pictures need, and ``rounds`` of them; its settings come back at the end.
 
     ``changes``: settings by path over its own. ``prepare`` is called with the scene before that, to apply a plan.
     Raises ValueError without a camera.
@@ -102,7 +100,7 @@ def of_scene(scene: bpy.types.Scene, engine: str, quiet: bool = True, changes: M
     if prepare:
         prepare(scene)
     wanted = {"render.engine": "CYCLES" if engine == CYCLES else compat.current().eevee, **PICTURE_SETTINGS,
-              **ROUND_SETTINGS[engine], **(changes or {})}
+              **ENGINE_SETTINGS[engine], **(ROUND_SETTINGS[engine] if rounds else {}), **(changes or {})}
     samples = sample_settings(engine, 1)
     kept = {path: settings.get(scene, path) for path in (
         *samples, "cycles.seed", "render.filepath", "render.use_file_extension", "render.resolution_x", "render.resolution_y",
@@ -114,10 +112,10 @@ def of_scene(scene: bpy.types.Scene, engine: str, quiet: bool = True, changes: M
     tree = compat.present_compositing_tree(scene)
     files = [(node, node.mute) for node in tree.nodes if node.bl_idname == "CompositorNodeOutputFile"] if tree else []
     before = settings.apply(scene, wanted)
-    decisions = [Decision("rounds", what, "the error is measured from renders that are independent and equally long")
-                 for path, what in (("cycles.use_adaptive_sampling", "adaptive sampling off"),
-                                    ("cycles.use_denoising", "denoising off"))
-                 if engine == CYCLES and before[path]]
+    decisions = [Decision("rounds", what, why) for path, what, why in (
+        ("cycles.use_adaptive_sampling", "adaptive sampling off", "the error is measured from renders that are independent and equally long"),
+        ("cycles.use_denoising", "denoising off", "the picture is what the engine's samples say"))
+        if before.get(path)]
     try:
         image.color_management = "FOLLOW_SCENE"
         for layer, _ in layers:

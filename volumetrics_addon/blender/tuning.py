@@ -16,20 +16,35 @@ import bpy
 from ..plan import tuning
 from ..plan.tuning import Advice, Change
 from . import observe, settings
+from . import pilot as pilots
 
+NOISE_RULE = "noise threshold"
 KEY = "volumetrics_plan"
 EXCLUDES = "excludes"
 
 
 def plan(scene: bpy.types.Scene, error: float = tuning.TARGET, without: Collection[str] = (), *,
-         paths: float | None = None, pixels: float | None = None) -> list[Advice]:
+         samples: int | None = None, pixels: float | None = None, pilot: bool = False) -> list[Advice]:
     """The advice for the scene as it is now, within the relative error; see ``plan.tuning.tune``. Nothing is changed.
 
-    ``paths``: camera paths of the picture that is to be rendered, and ``pixels`` its size, where these are not those of the scene's
-    own settings.
+    ``samples`` of the picture that is to be rendered, and ``pixels``: its size, where these are not those of the scene's own
+    settings. With ``pilot`` its noise is measured where that pays, with what the plan changes: small pictures are rendered; raises
+    RenderError when the engine writes none.
     """
-    other = {name: value for name, value in (("paths", paths), ("pixels", pixels)) if value is not None}
-    return tuning.tune(replace(observe.scene(scene), **other), error, without)
+    observed = observe.scene(scene, samples=samples, pixels=pixels)
+    advice = tuning.tune(observed, error, without)
+    marched = any(change.path == "cycles.volume_biased" for found in advice for change in found.changes)
+    if not pilot or NOISE_RULE in without or scene.camera is None or not (size := pilots.size(observed, marched)):
+        return advice
+    planned = is_applied(scene)
+    try:
+        if not planned:
+            apply(scene, advice)
+        noise = pilots.measure(scene, *size)
+    finally:
+        if not planned:
+            restore(scene)
+    return tuning.tune(replace(observed, noise=noise), error, without)
 
 
 def apply(scene: bpy.types.Scene, advice: Sequence[Advice]) -> None:
@@ -43,7 +58,7 @@ def apply(scene: bpy.types.Scene, advice: Sequence[Advice]) -> None:
             _exclude(block, change.value)
             continue
         path = _path(change)
-        before = settings.apply(block, {path: change.value})
+        before = _set(block, path, change.value)
         _remember(block, path, before[path], settings.get(block, path))
 
 
@@ -59,7 +74,7 @@ def restore(scene: bpy.types.Scene) -> int:
                 try:
                     if not settings.same(settings.get(block, path), applied):
                         continue
-                    settings.apply(block, {path: before})
+                    _set(block, path, before)
                 except (AttributeError, KeyError):  # a view layer that is gone
                     continue
             restored += 1
@@ -98,6 +113,14 @@ def _block(scene: bpy.types.Scene, change: Change) -> bpy.types.ID | None:
 
 def _path(change: Change) -> str:
     return f"view_layers[{change.name}].{change.path}" if change.owner == "view_layers" else change.path
+
+
+def _set(block: bpy.types.ID, path: str, value: Any) -> dict[str, Any]:
+    """What was there. Cycles' own properties of a material tell nobody that they changed, and renders with persistent data go by what
+    they are told."""
+    before = settings.apply(block, {path: value})
+    block.update_tag()
+    return before
 
 
 def _remember(block: bpy.types.ID, path: str, before: Any, applied: Any) -> None:

@@ -172,6 +172,7 @@ def parser(program: str) -> argparse.ArgumentParser:
     plan.add_argument("--samples", type=_whole(1, 1 << 24), metavar="N", help="of a preset's picture")
     plan.add_argument("--error", type=_tolerance, help="what all rules together may change, such as 0.2%% (0.2%%)")
     plan.add_argument("--without", action="append", default=[], metavar="RULE", help="switch a rule off; may be repeated")
+    plan.add_argument("--pilot", action="store_true", help="render small pictures that tell the noise, for the noise threshold")
     plan.add_argument("--out", type=Path, metavar="FILE.blend", help="apply the plan and save the file under this name")
 
     commands.add_parser("integrators", parents=[common], help="every integrator of the field that is here, with its bias")
@@ -426,6 +427,8 @@ def _plan_of_preset(arguments: argparse.Namespace) -> int:
     for option in ("scene", "error", "out"):
         if getattr(arguments, option) is not None:
             raise ParameterError(f"--{option} is not allowed with a preset, whose plan follows from its parameters; give a .blend file")
+    if arguments.pilot:
+        raise ParameterError("--pilot is not allowed with a preset, whose samples are asked for; give a .blend file")
     preset, engine = load(arguments.file), arguments.engine or CYCLES
     check_names(arguments.without)
     from .. import verify
@@ -457,7 +460,7 @@ def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
         if getattr(arguments, option_name) is not None:
             raise ParameterError(f"--{option_name} is for presets; a .blend file is planned for its own resolution and samples")
     from ..plan import tuning
-    from ..plan.catalogue import RULES
+    from ..plan.catalogue import CLOSER, RULES
 
     if arguments.out is not None and arguments.out.suffix != ".blend":
         raise ParameterError(f"--out {arguments.out} is not allowed; the plan is saved in a Blender file, end the name with .blend")
@@ -466,7 +469,7 @@ def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
 
     scene = files.open_scene(Path(arguments.file), arguments.scene, arguments.engine)
     target = arguments.error or tuning.TARGET
-    advice = of_scene.plan(scene, target, arguments.without)
+    advice = of_scene.plan(scene, target, arguments.without, pilot=arguments.pilot)
     if arguments.out is not None:
         of_scene.apply(scene, advice)
         files.save(arguments.out)
@@ -479,7 +482,7 @@ def _plan(arguments: argparse.Namespace, progress: Progress) -> int:
                                      "changes": [vars(change) for change in found.changes]} for found in advice],
                           "saved": str(arguments.out) if arguments.out else None}, indent=2))
         return OK
-    closer = [found.rule.name for found in advice if found.rule.closer]
+    closer = [found.rule.name for found in advice if found.rule.effect == CLOSER]
     _say(arguments, f"{scene.name} in {engine}: the plan changes the picture by {bound:.2%} at most, of {target:.2%} allowed"
                     + (f", but for what brings it closer ({', '.join(closer)})" if closer else ""))
     for found in advice:

@@ -170,8 +170,8 @@ class _OfBlend:
         from ..blender import stage
 
         start = time.perf_counter()
-        with stage.of_scene(self.source, self.engine, not self.arguments.engine_output,
-                            prepare=self.prepare and (lambda scene: self.prepare(scene, samples or self.own_samples))) as on:
+        with stage.of_scene(self.source, self.engine, not self.arguments.engine_output, rounds=False,
+                            prepare=self.prepare and (lambda scene: self.prepare(scene, samples or self.own_samples, pilot=True))) as on:
             image = on.shoot(self.width, self.height, samples or self.own_samples, self.arguments.seed)
         progress(1.0)
         return image, time.perf_counter() - start, [*self.planned, *on.decisions]
@@ -181,13 +181,13 @@ class _OfBlend:
         """What applies the plan that was asked for, for a picture of so many samples."""
         return None if self.arguments.plan is None else self._plan
 
-    def _plan(self, scene: Any, samples: int = TYPICAL_ROUND) -> None:
+    def _plan(self, scene: Any, samples: int = TYPICAL_ROUND, pilot: bool = False) -> None:
         from ..blender import tuning
         from ..plan.tuning import effect
 
         tuning.restore(scene)
-        advice = tuning.plan(scene, self.arguments.plan, self.arguments.without, paths=self.width * self.height * samples,
-                             pixels=self.width * self.height)
+        advice = tuning.plan(scene, self.arguments.plan, self.arguments.without, samples=samples, pixels=self.width * self.height,
+                             pilot=pilot)
         tuning.apply(scene, advice)
         self.own_samples = own_samples(scene, self.engine)  # a rule may have set them
         self.planned = [Decision(found.rule.name, effect(found), found.reason) for found in advice]

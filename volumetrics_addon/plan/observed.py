@@ -127,6 +127,15 @@ class Survey:
 
 
 @dataclass(frozen=True)
+class Noise:
+    """What a pilot has measured of a picture of Cycles: the variance of one sample, its mean over pixels and channels, and the mean
+    brightness, the sum of the channels."""
+
+    variance: float
+    brightness: float
+
+
+@dataclass(frozen=True)
 class Observed:
     """The scene: settings by path are read as they are asked for in ``settings``.
 
@@ -144,6 +153,7 @@ class Observed:
     sky_rate: float = 0.0  # bound of its change over a radian; 0 for one colour, infinite where nothing is known
     aimed_sky: bool = True  # whether rays are aimed at the world, where it is not of one colour
     world: str = ""  # name of the world where the map of its brightness may be changed
+    probe: tuple[str, int] | None = None  # the world, and the width of EEVEE's map of its light, where that may be changed
     survey: Survey | None = None
     faces: tuple[tuple[Vector, ...], ...] = ()
     room: tuple[Vector, ...] = ()
@@ -156,6 +166,8 @@ class Observed:
     unused_passes: tuple[tuple[str, str], ...] = ()  # view layer and path
     pixels: float = 0.0  # of a picture
     viewport: float = 0.0  # pixels of the largest 3D viewport that shows media
-    paths: float = 0.0  # camera paths of a picture: its pixels times their samples
+    samples: float = 0.0  # of a pixel, at most
+    paths: float = 0.0  # camera paths of a picture: its pixels times the samples that they are expected to take
+    noise: Noise | None = None  # where a pilot was rendered
     dithers: bool = True  # whether EEVEE takes samples for more than edges, shadows and media: blur, traced rays, transparency
     null_scattering: bool = True  # whether the engine has it beside ray marching

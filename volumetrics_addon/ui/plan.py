@@ -21,6 +21,8 @@ class VolumetricsAdvice(bpy.types.PropertyGroup):
 class VolumetricsPlan(bpy.types.PropertyGroup):
     error: bpy.props.FloatProperty(name="Error", description="What all rules together may change of the picture, in percent of its light",
                                    default=100.0 * TARGET, min=1e-4, max=50.0, soft_max=5.0, precision=2, subtype="PERCENTAGE")
+    pilot: bpy.props.BoolProperty(name="Render a pilot", default=False, description="Render small pictures that tell how noisy the large "
+                                  "one will be, and set the noise threshold by it; Cycles, with adaptive sampling on")
     advice: bpy.props.CollectionProperty(type=VolumetricsAdvice)
     scene: bpy.props.StringProperty(name="Scene", description="For which the advice was found")
 
@@ -33,7 +35,7 @@ def find(context: bpy.types.Context) -> list:
 
     state = context.window_manager.volumetrics_plan
     off = switched_off(context)
-    advice = of_scene.plan(context.scene, state.error / 100.0)
+    advice = of_scene.plan(context.scene, state.error / 100.0, pilot=state.pilot)
     engine = compat.engine_of(context.scene)
     state.advice.clear()
     for found in advice:
@@ -69,7 +71,7 @@ class VOLUMETRICS_OT_plan_apply(UndoStep, bpy.types.Operator):
 
         of_scene.restore(context.scene)  # what an earlier plan has left out is looked at again
         state = context.window_manager.volumetrics_plan
-        advice = of_scene.plan(context.scene, state.error / 100.0, switched_off(context))
+        advice = of_scene.plan(context.scene, state.error / 100.0, switched_off(context), pilot=state.pilot)
         if not advice:
             self.report({"INFO"}, "No rule that is switched on finds anything to leave out")
         of_scene.apply(context.scene, advice)
@@ -104,6 +106,8 @@ class VOLUMETRICS_PT_plan(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         state, layout = context.window_manager.volumetrics_plan, self.layout
         layout.prop(state, "error")
+        if context.scene.render.engine == "CYCLES":
+            layout.prop(state, "pilot")
         layout.operator("volumetrics.plan", icon="VIEWZOOM")
         if state.scene != context.scene.name:
             return

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A pilot: small pictures of a user's scene in Cycles that tell how noisy a large one will be."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+
+from ..plan.model import CYCLES
+from ..plan.observed import Noise, Observed
+from . import stage
+
+PICTURES = 2
+SHARE = 1.0 / 64.0  # of the camera paths of the picture itself that a pilot takes at most; of these adaptive sampling takes
+EXPECTED = 256  # samples of a pixel, whatever the most that it may take
+FEWEST_PIXELS, MOST_PIXELS = 256, 4096  # of a picture of the pilot: fewer tell nothing, more tell no more
+FEWEST_SAMPLES, MOST_SAMPLES = 16, 64  # of a pixel of it: few miss what is rare and bright, such as caustics
+
+
+def size(observed: Observed, marched: bool = False) -> tuple[int, int] | None:
+    """Pixels and samples of a pilot's pictures; None where it would not pay, or nothing would follow from it.
+
+    ``marched``: whether textured media will be marched through. Otherwise they may have octrees, which each picture builds.
+    """
+    if observed.engine != CYCLES or not observed.settings.get("cycles.use_adaptive_sampling"):
+        return None
+    marched = marched or not observed.null_scattering or observed.settings.get("cycles.volume_biased", False)
+    if not marched and any(medium.substance.textured for medium in observed.media):
+        return None
+    paths = SHARE * observed.pixels * min(observed.samples, EXPECTED) / PICTURES
+    samples = int(min(paths / FEWEST_PIXELS, MOST_SAMPLES))
+    return (int(min(paths / samples, MOST_PIXELS)), samples) if samples >= FEWEST_SAMPLES else None
+
+
+def measure(scene: bpy.types.Scene, pixels: int, samples: int, seed: int = 0) -> Noise:
+    """The noise of the scene as it is set, from pictures of so many pixels and samples without its compositing.
+
+    Variance of one sample: that of the pictures, times ``samples``. Raises ValueError without a camera, RenderError when the engine
+    writes no image.
+    """
+    aspect = scene.render.resolution_x / scene.render.resolution_y
+    width = max(1, round(math.sqrt(pixels * aspect)))
+    height = max(1, round(pixels / width))
+    with stage.of_scene(scene, CYCLES, changes={"render.use_compositing": False, "render.use_persistent_data": True}) as on:
+        pictures = np.stack([on.shoot(width, height, samples, seed + index) for index in range(PICTURES)])
+    return Noise(samples * float(pictures.var(axis=0, ddof=1).mean()), float(pictures.sum(axis=-1).mean()))
