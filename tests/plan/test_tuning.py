@@ -46,7 +46,8 @@ def changes(found):
 
 def allowed(rule, error=0.002):
     """What a rule may spend where none before it has spent anything."""
-    rules = [entry for entry in RULES.values() if "cycles" in entry.engines]
+    other = "ray marching" if rule == "longer steps" else "longer steps"  # a scene is marched already, or it is not
+    rules = [entry for entry in RULES.values() if "cycles" in entry.engines and entry.name != other]
     shares = [later.share for later in rules[rules.index(RULES[rule]):]]
     return error * shares[0] / sum(shares)
 
@@ -71,7 +72,7 @@ def test_the_bounds_together_stay_below_the_target(error):
                     medium("far", center=(300.0, 0.0, 0.0)),
                     lamps=[lamp(), *(lamp(f"far {i}", (500.0 + i, 0.0, 0.0)) for i in range(20))], settings={"cycles.volume_bounces": 1000})
     found = tuning.tune(crowded, error)
-    assert sum(entry.bound for entry in found) <= error
+    assert sum(entry.bound for entry in found) <= error * (1.0 + 1e-12)  # rounded
     assert {"thin media", "idle lamps", "bounces", "ray marching"} <= {entry.rule.name for entry in found}
 
 
@@ -247,10 +248,10 @@ def test_media_whose_density_is_not_known_are_not_marched(substance):
 
 
 def test_long_ways_take_more_steps_than_the_engines_own_most():
-    """The diagonal of 2 sqrt 3 x 25 in steps of 0.0775: 1118, where the engine stops at 1024."""
+    """The diagonal of 2 sqrt 3 x 40 in steps of 0.1095: 1265, where the engine stops at 1024."""
     step = math.sqrt(24.0 * allowed("ray marching")) / 2.0
-    found = advice(scene(medium("cloud", CLOUD, half=25.0), settings={"cycles.volume_max_steps": 1024}), "ray marching")
-    assert changes(found)[("", "cycles.volume_max_steps")] == math.ceil(50.0 * math.sqrt(3.0) / step) == 1119
+    found = advice(scene(medium("cloud", CLOUD, half=40.0), settings={"cycles.volume_max_steps": 1024}), "ray marching")
+    assert changes(found)[("", "cycles.volume_max_steps")] == math.ceil(80.0 * math.sqrt(3.0) / step) == 1265
 
 
 def test_a_huge_domain_with_fine_features_is_not_marched():
@@ -258,7 +259,7 @@ def test_a_huge_domain_with_fine_features_is_not_marched():
 
 
 def test_marching_pays_where_its_steps_are_fewer_than_the_octrees_evaluations():
-    """40 x 128^3 steps for each object; of the diagonal of 2 sqrt 3 in steps of 0.0775, as many as there are paths."""
+    """40 x 128^3 steps for each object; of the diagonal of 2 sqrt 3 in steps of 0.1095, as many as there are paths."""
     step = math.sqrt(24.0 * allowed("ray marching")) / 2.0
     most = 40.0 * 128.0**3 / (2.0 * math.sqrt(3.0) / step)
     assert advice(scene(medium("cloud", CLOUD), paths=0.99 * most), "ray marching")

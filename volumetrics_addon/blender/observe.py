@@ -16,9 +16,9 @@ from ..plan.observed import UNKNOWN, Lamp, Medium, Observed, Range, Solids, Subs
 from . import compat, ranges, settings
 from . import survey as trace
 
-PATHS = ("cycles.use_adaptive_sampling", "cycles.adaptive_threshold", "cycles.volume_bounces", "cycles.volume_biased", "cycles.volume_step_rate", "cycles.volume_max_steps", "cycles.use_light_tree",
-         "cycles.use_guiding", "render.use_persistent_data", "eevee.volumetric_tile_size", "eevee.volumetric_samples",
-         "eevee.taa_render_samples")
+PATHS = ("cycles.use_adaptive_sampling", "cycles.adaptive_threshold", "cycles.volume_bounces", "cycles.volume_biased",
+         "cycles.volume_step_rate", "cycles.volume_max_steps", "cycles.use_light_tree", "cycles.use_guiding", "render.use_persistent_data",
+         "eevee.volumetric_tile_size", "eevee.volumetric_samples", "eevee.taa_render_samples")
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 # Modifiers whose result stays where it is as long as nothing of them is animated.
 STILL = {"SUBSURF", "BEVEL", "MIRROR", "ARRAY", "SOLIDIFY", "TRIANGULATE", "WEIGHTED_NORMAL", "EDGE_SPLIT", "DECIMATE", "REMESH", "SCREW",
@@ -87,7 +87,8 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
     own_map = world is not None and world.library is None and world.cycles.sampling_method == "AUTOMATIC"
     return Observed(
         engine, present, view, tuple(media), tuple(lamps), solids, sky.high, sky.rate,
-        world is not None and world.cycles.sampling_method != "NONE", world.name if own_map else "", _probe(world, sky), traced, faces, room,
+        world is not None and world.cycles.sampling_method != "NONE", world.name if own_map else "", _probe(world, sky), traced,
+        faces, room,
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
         mirrors=_any_surface(found, materials, lambda known: known[4]), touches=_touches(rest, media),

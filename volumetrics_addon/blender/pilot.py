@@ -10,6 +10,7 @@ import numpy as np
 
 from ..plan.model import CYCLES
 from ..plan.observed import Noise, Observed
+from ..plan.tuning import is_marched
 from . import stage
 
 PICTURES = 2
@@ -26,8 +27,7 @@ def size(observed: Observed, marched: bool = False) -> tuple[int, int] | None:
     """
     if observed.engine != CYCLES or not observed.settings.get("cycles.use_adaptive_sampling"):
         return None
-    marched = marched or not observed.null_scattering or observed.settings.get("cycles.volume_biased", False)
-    if not marched and any(medium.substance.textured for medium in observed.media):
+    if not (marched or is_marched(observed)) and any(medium.substance.textured for medium in observed.media):
         return None
     paths = SHARE * observed.pixels * min(observed.samples, EXPECTED) / PICTURES
     samples = int(min(paths / FEWEST_PIXELS, MOST_SAMPLES))

@@ -91,7 +91,8 @@ def tune(scene: Observed, error: float = TARGET, without: Collection[str] = ()) 
         if name not in RULES:
             raise ValueError(f"there is no rule {name!r}; the rules are {', '.join(RULES)}")
     found: list[Advice] = []
-    rules = [rule for name, rule in RULES.items() if name not in without and scene.engine in rule.engines]
+    other = "ray marching" if is_marched(scene) else "longer steps"  # what cannot apply leaves its share to the rest
+    rules = [rule for name, rule in RULES.items() if name not in without and name != other and scene.engine in rule.engines]
     for index, rule in enumerate(rules):
         left = error - sum(entry.bound for entry in found)
         shares = sum(later.share for later in rules[index:])
@@ -144,6 +145,11 @@ def optical_depth(medium: Medium) -> float:
     if thickest == 0.0:
         return 0.0
     return thickest * visibility.diagonal(medium.corners) if medium.corners else math.inf
+
+
+def is_marched(scene: Observed) -> bool:
+    """Whether rays march through textured media as the scene is set."""
+    return not scene.null_scattering or bool(scene.settings.get("cycles.volume_biased"))
 
 
 def taken(medium: Medium) -> float:
@@ -325,7 +331,7 @@ def _marched_bias(medium: Medium, step: float) -> float:
 
 def _marching(scene: Observed, allowed: float) -> Found:
     """All textured media together, or none: the scene has one switch. Rates are those of materials, the scene's own is 1."""
-    if not scene.null_scattering or scene.settings.get("cycles.volume_biased") or scene.has_instances:
+    if scene.has_instances:
         return None
     textured = [medium for medium in scene.media if medium.substance.textured]
     steps = [_step(medium, allowed / len(textured)) for medium in textured]
@@ -357,8 +363,7 @@ def _rates(media: Sequence[Medium], steps: Sequence[float]) -> Iterator[Change]:
 
 def _longer(scene: Observed, allowed: float) -> Found:
     """Where media are marched anyway: their own rate, raised to what the density needs."""
-    marched = not scene.null_scattering or scene.settings.get("cycles.volume_biased")
-    if not marched or scene.has_instances:
+    if scene.has_instances:
         return None
     overall = scene.settings.get("cycles.volume_step_rate", 1.0)
     textured = [medium for medium in scene.media if medium.substance.textured and medium.step > 0.0]
