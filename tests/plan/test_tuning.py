@@ -353,17 +353,6 @@ def test_the_map_of_a_sky_is_as_fine_as_it_changes():
         assert advice(scene(**{"environment": 2.0, "sky_rate": 5.0, "world": "World"} | change), "sky map") is None
 
 
-def test_random_numbers_are_looked_up_on_the_processor():
-    blue = {"cycles.device": "CPU", "cycles.sampling_pattern": "AUTOMATIC"}
-    found = advice(scene(settings=blue, samples=64.0), "sampling pattern")
-    assert found.changes == (tuning.Change("scenes", "", "cycles.sampling_pattern", "TABULATED_SOBOL"),) and found.bound == 0.0
-    assert advice(scene(settings=blue | {"cycles.sampling_pattern": "BLUE_NOISE"}, samples=64.0), "sampling pattern")
-    for other in (scene(settings=blue, samples=63.0), scene(settings=blue | {"cycles.device": "GPU"}, samples=64.0),
-                  scene(settings=blue | {"cycles.sampling_pattern": "SOBOL_BURLEY"}, samples=64.0),
-                  scene(settings=blue | {"cycles.sampling_pattern": "TABULATED_SOBOL"}, samples=64.0)):
-        assert advice(other, "sampling pattern") is None
-
-
 ADAPTIVE = {"cycles.use_adaptive_sampling": True, "cycles.adaptive_threshold": 0.01}
 
 

@@ -55,9 +55,9 @@ def test_finding_changes_nothing_and_lists_the_rules(state):
     scene = bpy.context.scene
     assert labels() == ([], "")
     assert bpy.ops.volumetrics.plan() == {"FINISHED"}
-    assert [entry.name for entry in state.advice] == ["bounces", "sampling", "light tree", "sampling pattern", "persistent data"]
+    assert [entry.name for entry in state.advice] == ["bounces", "sampling", "light tree", "persistent data"]
     names, words = labels()
-    assert names == ["Bounces", "Sampling", "Light tree", "Sampling pattern", "Persistent data"]
+    assert names == ["Bounces", "Sampling", "Light tree", "Persistent data"]
     assert "changes 0.0" in words and "same picture" in words and "instead of 100: of the light" in words
     assert scene.cycles.volume_bounces == 100 and not tuning.is_applied(scene)
 

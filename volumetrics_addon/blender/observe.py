@@ -16,10 +16,9 @@ from ..plan.observed import UNKNOWN, Lamp, Medium, Observed, Range, Solids, Subs
 from . import compat, ranges, settings
 from . import survey as trace
 
-PATHS = ("cycles.device", "cycles.sampling_pattern", "cycles.use_adaptive_sampling", "cycles.adaptive_threshold",
-         "cycles.volume_bounces", "cycles.volume_biased", "cycles.volume_step_rate", "cycles.volume_max_steps", "cycles.use_light_tree",
-         "cycles.use_guiding", "render.use_persistent_data", "eevee.volumetric_tile_size", "eevee.volumetric_samples",
-         "eevee.taa_render_samples")
+PATHS = ("cycles.use_adaptive_sampling", "cycles.adaptive_threshold", "cycles.volume_bounces", "cycles.volume_biased",
+         "cycles.volume_step_rate", "cycles.volume_max_steps", "cycles.use_light_tree", "cycles.use_guiding", "render.use_persistent_data",
+         "eevee.volumetric_tile_size", "eevee.volumetric_samples", "eevee.taa_render_samples")
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 # Modifiers whose result stays where it is as long as nothing of them is animated.
 STILL = {"SUBSURF", "BEVEL", "MIRROR", "ARRAY", "SOLIDIFY", "TRIANGULATE", "WEIGHTED_NORMAL", "EDGE_SPLIT", "DECIMATE", "REMESH", "SCREW",

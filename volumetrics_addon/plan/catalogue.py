@@ -69,7 +69,7 @@ RULES = {rule.name: rule for rule in (
          "media that have no texture and an optical depth of 4 at most are lit by lamps at points and spots alone; or media are lit by a "
          "sun and by lamps that are farther away than half of their diagonal",
          "of samples by distance and by lamps those that such lamps do not need",
-         "unbiased", gain={CYCLES: 1.2}, shown_by="noise-cube"),
+         "unbiased", gain={CYCLES: 1.8}, shown_by="club"),
     Rule("ray marching",
          "the density is textured, its largest value and its smallest feature are known, the engine has null-scattering, and the picture "
          "is so small or has so few samples that the steps of its rays are fewer than the octree's evaluations",
@@ -104,11 +104,6 @@ RULES = {rule.name: rule for rule in (
          "most of the map of the world's light, which is drawn before each picture",
          "none for a black world; 0.6 % of the world's light for one colour, 1 % for a texture, measured",
          engines=(EEVEE,), share=0.3, gain={EEVEE: 1.6}, shown_by="spot-haze, 48 pixels wide"),
-    Rule("sampling pattern",
-         "Cycles renders on the processor, with 64 samples or more",
-         "blue noise, whose random numbers are worked out for every sample: those of a table are looked up; to the eye the noise of few "
-         "samples is less even then",
-         "unbiased, and as much noise", gain={CYCLES: 1.08}, shown_by="cathedral"),
     Rule("guiding",
          "nothing scatters more than once",
          "path guiding",

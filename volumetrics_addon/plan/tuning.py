@@ -28,7 +28,6 @@ SERIES = 50  # tests of a lamp, below which they do not count with those of othe
 # of that where null scattering then has a third of the variance. Of the steps across a domain's diagonal the ray of the camera takes
 # half on average, and that to a lamp as many.
 OCTREE = 40.0 * 128.0**3
-MANY = 64  # samples, from which on it does not matter how even their noise is to the eye
 THINNEST, DEEPEST = 1e-4, 4.0  # optical depths: of what is left out, and of what is sampled by its lamps
 MOST_FORWARD = 0.9  # mean cosine of a medium in which aimed rays alone find a lamp
 # EEVEE's froxels: cells of the screen, times the steps along the view. No picture gets more than the start-up file has in full HD: with
@@ -555,13 +554,6 @@ def own_threshold(scene: Observed) -> float:
     return scene.settings.get("cycles.adaptive_threshold", 0.0) or max(1e-3, 1.0 / max(scene.samples, 1.0))
 
 
-def _pattern(scene: Observed, allowed: float) -> Found:
-    if scene.samples < MANY or scene.settings.get("cycles.device") != "CPU" or \
-            scene.settings.get("cycles.sampling_pattern") not in ("AUTOMATIC", "BLUE_NOISE"):
-        return None
-    return (Change("scenes", "", "cycles.sampling_pattern", "TABULATED_SOBOL"),), f"{scene.samples:.0f} samples on the processor", 0.0
-
-
 def _guiding(scene: Observed, allowed: float) -> Found:
     if not scene.settings.get("cycles.use_guiding") or scene.settings.get("cycles.volume_bounces") or scene.has_surfaces:
         return None
@@ -610,6 +602,6 @@ def _persistent(scene: Observed, allowed: float) -> Found:
 _FINDERS: dict[str, Callable[[Observed, float], Found]] = {
     "bounces": _bounces, "sampling": _sampling, "ray marching": _marching, "longer steps": _longer, "unseen media": _unseen,
     "thin media": _thin, "unseen lamps": _unseen_lamps, "idle lamps": _idle, "light tree": _light_tree,
-    "lamp hits": _lamp_hits, "sky rays": _sky_rays, "sky map": _sky_map, "sampling pattern": _pattern, "guiding": _guiding, "sky probe": _sky_probe, "noise threshold": _threshold,
+    "lamp hits": _lamp_hits, "sky rays": _sky_rays, "sky map": _sky_map, "guiding": _guiding, "sky probe": _sky_probe, "noise threshold": _threshold,
     "froxels": _froxels, "passes": _passes, "persistent data": _persistent,
 }
