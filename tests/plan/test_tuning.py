@@ -356,7 +356,7 @@ def test_the_map_of_a_sky_is_as_fine_as_it_changes():
 ADAPTIVE = {"cycles.use_adaptive_sampling": True, "cycles.adaptive_threshold": 0.01}
 
 
-def test_the_threshold_is_that_of_pixels_with_half_of_the_noise():
+def test_the_threshold_is_that_of_pixels_with_less_noise():
     """Cycles' own criterion, drawn: pixels of brightness 0.3, 0.6 and 0.9 whose samples have a deviation of 1 in each channel; of 256
     samples the sum of |all - every other| over the root of the brightness."""
     draws = np.random.default_rng(3).normal((0.3, 0.6, 0.9), 1.0, (2000, 256, 3))

@@ -17,6 +17,7 @@ PICTURES = 2
 SHARE = 1.0 / 64.0  # of the camera paths of the picture itself that a pilot takes at most; of these adaptive sampling takes
 EXPECTED = 256  # samples of a pixel, whatever the most that it may take
 FEWEST_PIXELS, MOST_PIXELS = 256, 4096  # of a picture of the pilot: fewer tell nothing, more tell no more
+NOISIEST = 0.02  # of the pixels
 FEWEST_SAMPLES, MOST_SAMPLES = 16, 64  # of a pixel of it: few miss what is rare and bright, such as caustics
 
 
@@ -37,7 +38,8 @@ def size(observed: Observed, marched: bool = False) -> tuple[int, int] | None:
 def measure(scene: bpy.types.Scene, pixels: int, samples: int, seed: int = 0) -> Noise:
     """The noise of the scene as it is set, from pictures of so many pixels and samples without its compositing.
 
-    Variance of one sample: that of the pictures, times ``samples``. Raises ValueError without a camera, RenderError when the engine
+    Variance of one sample: that of the pictures, times ``samples``, without the noisiest pixels, whose light is rare and seen by luck:
+    rather too little than too much. Raises ValueError without a camera, RenderError when the engine
     writes no image.
     """
     aspect = scene.render.resolution_x / scene.render.resolution_y
@@ -45,4 +47,6 @@ def measure(scene: bpy.types.Scene, pixels: int, samples: int, seed: int = 0) ->
     height = max(1, round(pixels / width))
     with stage.of_scene(scene, CYCLES, changes={"render.use_compositing": False, "render.use_persistent_data": True}) as on:
         pictures = np.stack([on.shoot(width, height, samples, seed + index) for index in range(PICTURES)])
-    return Noise(samples * float(pictures.var(axis=0, ddof=1).mean()), float(pictures.sum(axis=-1).mean()))
+    variance = np.sort(pictures.var(axis=0, ddof=1).mean(axis=-1), axis=None)
+    kept = variance[:math.ceil((1.0 - NOISIEST) * variance.size)]
+    return Noise(samples * float(kept.sum() / variance.size), float(pictures.sum(axis=-1).mean()))

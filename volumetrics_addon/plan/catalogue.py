@@ -111,9 +111,9 @@ RULES = {rule.name: rule for rule in (
     Rule("noise threshold",
          "adaptive sampling is on, a pilot of a 64th of the samples at most was rendered, which no octree makes slow, and by its noise "
          "the threshold is too low for the samples to reach it",
-         "samples of pixels that have half of the picture's noise, by a higher threshold of adaptive sampling",
+         "samples of pixels that have less noise than the picture, by a higher threshold of adaptive sampling",
          "an eighth more noise at most; the mean stays within 0.05 %, measured",
-         effect="an eighth more noise at most", gain={CYCLES: 2.1}, shown_by="bottle, 256 samples"),
+         effect="an eighth more noise at most", gain={CYCLES: 1.1}, shown_by="club, 256 samples"),
     Rule("froxels",
          "a medium is seen, the cells of the screen that EEVEE keeps it in would not be too many if they were finer, in the picture and "
          "in the viewport, and nothing is blurred, traced or lets light through",

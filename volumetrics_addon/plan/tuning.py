@@ -546,7 +546,7 @@ def _threshold(scene: Observed, allowed: float) -> Found:
     if threshold < 1.05 * own_threshold(scene):
         return None
     return ((Change("scenes", "", "cycles.adaptive_threshold", threshold),),
-            f"{scene.samples:.0f} samples leave a noise of {300.0 * deviation / noise.brightness:.2g} %: pixels with half of it are done", 0.0)
+            f"{scene.samples:.0f} samples leave a noise of {300.0 * deviation / noise.brightness:.2g} %: pixels with {QUIETER:g} of it are done", 0.0)
 
 
 def own_threshold(scene: Observed) -> float:
