@@ -45,6 +45,15 @@ def test_a_pilot_tells_the_noise_of_a_picture_of_more_pixels_and_samples(spot):
     made = pictures(scene, 4, 128, False)
     assert 3.0 * math.sqrt(found.variance / 128) / found.brightness == pytest.approx(noise(made), rel=0.3)  # which falls a little faster
     assert found.brightness == pytest.approx(made.sum(axis=-1).mean(), rel=0.05)
+    scene.cycles.samples, scene.frame_end = SAMPLES, 1
+    assert tuning.NOISE_RULE not in {advice.rule.name for advice in tuning.plan(scene, pilot=True)}  # as noisy all over
+
+
+def test_pieces_of_a_picture_have_their_own_noise():
+    """Two pictures of 9 samples, 8 x 8 pixels: on the left the samples sum to 18 and 0, so 81 x 2 over 9 x 3 for one; the right is dark."""
+    sums = np.zeros((2, 8, 8, 3))
+    sums[0, :, :4] = 18.0
+    assert pilot._pieces(sums) == pytest.approx((81.0 * 2.0 / (9.0 * 3.0), 0.0) * 2)
 
 
 def test_a_pilot_is_rendered_where_it_pays(spot):
@@ -91,13 +100,13 @@ def counted(scene, folder):
 
 
 def test_a_threshold_takes_samples_and_little_else(spot, tmp_path):
-    """Fewer samples on average, counted by the engine; at most an eighth more noise, and the mean as it was."""
+    """Fewer samples on average, counted by the engine; at most a fifth more noise, and the mean as it was."""
     advice = [found for found in tuning.plan(spot, pilot=True) if found.rule.name == tuning.NOISE_RULE]
     own, share = pictures(spot, 12, SAMPLES, True), counted(spot, tmp_path)
     tuning.apply(spot, advice)
     planned = pictures(spot, 12, SAMPLES, True)
-    assert counted(spot, tmp_path) < 0.95 * share
-    assert noise(planned) < 1.125 * 1.2 * noise(own)  # 1.2: twelve pictures tell a noise to within that
+    assert counted(spot, tmp_path) < 0.85 * share
+    assert noise(planned) < 1.2 * 1.2 * noise(own)  # 1.2: twelve pictures tell a noise to within that
     means = [made.mean(axis=(1, 2, 3)) for made in (own, planned)]
     spread = math.sqrt(sum(mean.var(ddof=1) for mean in means) / 12)
     assert abs(means[1].mean() - means[0].mean()) < 3.0 * spread < 0.02 * own.mean()

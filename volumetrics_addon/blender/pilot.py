@@ -17,7 +17,7 @@ PICTURES = 2
 SHARE = 1.0 / 64.0  # of the camera paths of the picture itself that a pilot takes at most; of these adaptive sampling takes
 EXPECTED = 256  # samples of a pixel, whatever the most that it may take
 FEWEST_PIXELS, MOST_PIXELS = 256, 4096  # of a picture of the pilot: fewer tell nothing, more tell no more
-NOISIEST = 0.02  # of the pixels
+NOISIEST, PIECE = 0.02, 4  # of the pixels; pixels across a piece of the picture
 FEWEST_SAMPLES, MOST_SAMPLES = 16, 64  # of a pixel of it: few miss what is rare and bright, such as caustics
 
 
@@ -49,4 +49,13 @@ def measure(scene: bpy.types.Scene, pixels: int, samples: int, seed: int = 0) ->
         pictures = np.stack([on.shoot(width, height, samples, seed + index) for index in range(PICTURES)])
     variance = np.sort(pictures.var(axis=0, ddof=1).mean(axis=-1), axis=None)
     kept = variance[:math.ceil((1.0 - NOISIEST) * variance.size)]
-    return Noise(samples * float(kept.sum() / variance.size), float(pictures.sum(axis=-1).mean()))
+    return Noise(samples * float(kept.sum() / variance.size), float(pictures.sum(axis=-1).mean()), _pieces(samples * pictures))
+
+
+def _pieces(sums: np.ndarray) -> tuple[float, ...]:
+    """Of squares of PIECE pixels the variance of one sample over the brightness, 0 where it is dark. ``sums`` of the samples of each
+    picture: their variance over their mean is that of one sample."""
+    rows, columns = (size // PIECE * PIECE for size in sums.shape[1:3])
+    variance, brightness = (plane[:rows, :columns].reshape(rows // PIECE, PIECE, columns // PIECE, PIECE).mean(axis=(1, 3))
+                            for plane in (sums.var(axis=0, ddof=1).mean(axis=-1), sums.mean(axis=0).sum(axis=-1)))
+    return tuple(np.divide(variance, brightness, out=np.zeros_like(brightness), where=brightness > 0.0).ravel().tolist())

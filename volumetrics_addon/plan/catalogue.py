@@ -110,10 +110,10 @@ RULES = {rule.name: rule for rule in (
          "unbiased"),
     Rule("noise threshold",
          "adaptive sampling is on, a pilot of a 64th of the samples at most was rendered, which no octree makes slow, and by its noise "
-         "the threshold is too low for the samples to reach it",
+         "the threshold is too low for the samples to reach it, and three tenths of the picture are less noisy than the rest",
          "samples of pixels that have less noise than the picture, by a higher threshold of adaptive sampling",
-         "an eighth more noise at most; the mean stays within 0.05 %, measured",
-         effect="an eighth more noise at most", gain={CYCLES: 1.1}, shown_by="club, 256 samples"),
+         "a fifth more noise at most; the mean stays within 0.05 %, measured",
+         effect="a fifth more noise at most", gain={CYCLES: 1.2}, shown_by="club, 256 samples"),
     Rule("froxels",
          "a medium is seen, the cells of the screen that EEVEE keeps it in would not be too many if they were finer, in the picture and "
          "in the viewport, and nothing is blurred, traced or lets light through",

@@ -129,10 +129,11 @@ class Survey:
 @dataclass(frozen=True)
 class Noise:
     """What a pilot has measured of a picture of Cycles: the variance of one sample, its mean over pixels and channels, and the mean
-    brightness, the sum of the channels."""
+    brightness, the sum of the channels; ``pieces``: the variance over the brightness, of equal pieces of the picture."""
 
     variance: float
     brightness: float
+    pieces: tuple[float, ...]
 
 
 @dataclass(frozen=True)

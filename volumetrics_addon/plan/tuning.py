@@ -44,9 +44,9 @@ BLACK, PLAIN, SMOOTH = (128, 0.0), (512, 0.006), (512, 0.01)
 # Cycles is done with a pixel where the picture of half of its samples differs from that of all by less than the threshold: the sum of
 # the channels' differences over the root of their brightness. The difference has the variance of the picture itself, hence the mean
 # of a normal variable's amount. QUIETER: by how much less than the whole picture a pixel is then noisy; its square is what the
-# picture's variance may grow by.
+# picture's variance may grow by. QUIET: the least share of the picture that has to be so.
 DIFFERENCE = 3.0 * math.sqrt(2.0 / math.pi)
-QUIETER = 0.5
+QUIETER, QUIET = 0.7, 0.3
 SEEN = 0.3  # share of the light that a medium takes at most, from which on its cells are more of the error than edges are
 
 
@@ -543,7 +543,8 @@ def _threshold(scene: Observed, allowed: float) -> Found:
         return None
     deviation = math.sqrt(noise.variance / scene.samples)
     threshold = float(f"{QUIETER * DIFFERENCE * deviation / math.sqrt(noise.brightness):.2g}")
-    if threshold < 1.05 * own_threshold(scene):
+    done = sum(DIFFERENCE * math.sqrt(piece / scene.samples) < threshold for piece in noise.pieces)
+    if threshold < 1.05 * own_threshold(scene) or done < QUIET * len(noise.pieces):
         return None
     return ((Change("scenes", "", "cycles.adaptive_threshold", threshold),),
             f"{scene.samples:.0f} samples leave a noise of {300.0 * deviation / noise.brightness:.2g} %: pixels with {QUIETER:g} of it are done", 0.0)
