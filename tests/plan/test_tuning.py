@@ -291,8 +291,8 @@ def test_lamps_at_points_are_sampled_by_themselves(lamps):
     assert found.changes == (tuning.Change("materials", "haze material", "cycles.volume_sampling", "EQUIANGULAR"),)
     assert advice(scene(medium(), lamps=lamps, environment=1.0), "sampling")  # direct light of the lamps alone is sampled so
     world = Medium("World", "World", HAZE, sampling="EQUIANGULAR")
-    for other in (scene(world, lamps=lamps), scene(medium(), lamps=[lamp(position=(0.0, 0.0, 1.5)), lamp(kind="SUN")]), scene(medium("cloud", CLOUD), lamps=lamps),
-                  scene(medium(), lamps=[*lamps, lamp(kind="AREA")]), scene(medium(), lamps=lamps, has_emitters=True),
+    for other in (scene(world, lamps=lamps), scene(medium(), lamps=[lamp(position=(0.0, 0.0, 1.5)), lamp(kind="SUN")]),
+                  scene(medium("cloud", CLOUD), lamps=lamps), scene(medium(), lamps=[*lamps, lamp(kind="AREA")]), scene(medium(), lamps=lamps, has_emitters=True),
                   scene(medium(), lamps=lamps, has_instances=True), scene(medium(), lamps=[])):
         assert advice(other, "sampling") is None
 
@@ -371,7 +371,8 @@ def test_the_threshold_is_that_of_pixels_with_less_noise():
 
 
 @pytest.mark.parametrize("change", [
-    {"noise": Noise(1.0, 1.8, UNEVEN[1:])}, {"noise": None}, {"noise": Noise(0.0, 1.8, UNEVEN)}, {"noise": Noise(1.0, 0.0, UNEVEN)}, {"samples": 1e6}, {"engine": "eevee"},
+    {"noise": Noise(1.0, 1.8, UNEVEN[1:])}, {"noise": None}, {"noise": Noise(0.0, 1.8, UNEVEN)}, {"noise": Noise(1.0, 0.0, UNEVEN)},
+    {"samples": 1e6}, {"engine": "eevee"},
     {"settings": {**ADAPTIVE, "cycles.use_adaptive_sampling": False}}, {"settings": {**ADAPTIVE, "cycles.adaptive_threshold": 0.1}}])
 def test_a_threshold_is_only_raised_and_only_by_what_was_measured(change):
     assert advice(replace(scene(settings=ADAPTIVE, samples=256.0, noise=Noise(1.0, 1.8, UNEVEN)), **change), "noise threshold") is None

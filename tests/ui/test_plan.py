@@ -63,7 +63,7 @@ def test_finding_changes_nothing_and_lists_the_rules(state):
 
 
 def test_a_pilot_is_rendered_where_it_is_asked_for(state):
-    """A threshold by what the pilot says; the light tree's switch is beside it."""
+    """With the pilot a noise threshold is found, applied and brought back; EEVEE has none."""
     usual.by_name("spot-haze").build()
     scene, state = bpy.context.scene, bpy.context.window_manager.volumetrics_plan
     scene.render.engine, scene.cycles.samples = "CYCLES", 256

@@ -25,7 +25,7 @@ STILL = {"SUBSURF", "BEVEL", "MIRROR", "ARRAY", "SOLIDIFY", "TRIANGULATE", "WEIG
          "WELD", "SKIN", "WIREFRAME", "MULTIRES", "SIMPLE_DEFORM", "DISPLACE", "SMOOTH", "CAST"}
 MOST_FACES = 64  # of a mesh that is looked through for walls
 MIRRORS = 0.3  # roughness below which a surface shows what it mirrors
-ADAPTIVE_SAMPLES = 256  # that a pixel takes on average at most, of those that the scene has for it
+ADAPTIVE_SAMPLES = 256  # that a pixel takes on average at most
 FEWEST_LAMPS, MOST_LAMPS, MOST_TRACED = 4, 200, 250  # lamps and objects of a scene whose light paths are traced: a ray asks all objects
 CONTACT = 1e-6  # of a medium's size, within which its face lies in a surface
 RAYLEIGH_G = 0.15  # of the HG lobe with at least the peak and the contrast of molecules
@@ -81,7 +81,7 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
     world, sky = blender_scene.world, _environment(blender_scene)
     if pixels is None:
         pixels = _pixels(blender_scene)
-    expected = ADAPTIVE_SAMPLES if samples is None and blender_scene.cycles.use_adaptive_sampling else math.inf
+    expected = ADAPTIVE_SAMPLES if blender_scene.cycles.use_adaptive_sampling else math.inf
     if samples is None:
         samples = blender_scene.cycles.samples
     own_map = world is not None and world.library is None and world.cycles.sampling_method == "AUTOMATIC"

@@ -14,8 +14,7 @@ from ..plan.tuning import is_marched
 from . import stage
 
 PICTURES = 2
-SHARE = 1.0 / 64.0  # of the camera paths of the picture itself that a pilot takes at most; of these adaptive sampling takes
-EXPECTED = 256  # samples of a pixel, whatever the most that it may take
+SHARE = 1.0 / 64.0  # of the camera paths that the picture itself is expected to take, at most
 FEWEST_PIXELS, MOST_PIXELS = 256, 4096  # of a picture of the pilot: fewer tell nothing, more tell no more
 NOISIEST, PIECE = 0.02, 4  # of the pixels; pixels across a piece of the picture
 FEWEST_SAMPLES, MOST_SAMPLES = 16, 64  # of a pixel of it: few miss what is rare and bright, such as caustics
@@ -30,7 +29,7 @@ def size(observed: Observed, marched: bool = False) -> tuple[int, int] | None:
         return None
     if not (marched or is_marched(observed)) and any(medium.substance.textured for medium in observed.media):
         return None
-    paths = SHARE * observed.pixels * min(observed.samples, EXPECTED) / PICTURES
+    paths = SHARE * observed.paths / PICTURES
     samples = int(min(paths / FEWEST_PIXELS, MOST_SAMPLES))
     return (int(min(paths / samples, MOST_PIXELS)), samples) if samples >= FEWEST_SAMPLES else None
 

@@ -546,8 +546,9 @@ def _threshold(scene: Observed, allowed: float) -> Found:
     done = sum(DIFFERENCE * math.sqrt(piece / scene.samples) < threshold for piece in noise.pieces)
     if threshold < 1.05 * own_threshold(scene) or done < QUIET * len(noise.pieces):
         return None
+    relative = 3.0 * deviation / noise.brightness  # of a channel
     return ((Change("scenes", "", "cycles.adaptive_threshold", threshold),),
-            f"{scene.samples:.0f} samples leave a noise of {300.0 * deviation / noise.brightness:.2g} %: pixels with {QUIETER:g} of it are done", 0.0)
+            f"{scene.samples:.0f} samples leave a noise of {100.0 * relative:.2g} %: pixels with {QUIETER:g} of it are done", 0.0)
 
 
 def own_threshold(scene: Observed) -> float:
@@ -603,6 +604,6 @@ def _persistent(scene: Observed, allowed: float) -> Found:
 _FINDERS: dict[str, Callable[[Observed, float], Found]] = {
     "bounces": _bounces, "sampling": _sampling, "ray marching": _marching, "longer steps": _longer, "unseen media": _unseen,
     "thin media": _thin, "unseen lamps": _unseen_lamps, "idle lamps": _idle, "light tree": _light_tree,
-    "lamp hits": _lamp_hits, "sky rays": _sky_rays, "sky map": _sky_map, "guiding": _guiding, "sky probe": _sky_probe, "noise threshold": _threshold,
-    "froxels": _froxels, "passes": _passes, "persistent data": _persistent,
+    "lamp hits": _lamp_hits, "sky rays": _sky_rays, "sky map": _sky_map, "guiding": _guiding,
+    "sky probe": _sky_probe, "noise threshold": _threshold, "froxels": _froxels, "passes": _passes, "persistent data": _persistent,
 }
