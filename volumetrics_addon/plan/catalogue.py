@@ -69,7 +69,7 @@ RULES = {rule.name: rule for rule in (
          "media that have no texture and an optical depth of 4 at most are lit by lamps at points and spots alone; or media are lit by a "
          "sun and by lamps that are farther away than half of their diagonal",
          "of samples by distance and by lamps those that such lamps do not need",
-         "unbiased", gain={CYCLES: 1.8}, shown_by="club"),
+         "unbiased", gain={CYCLES: 1.2}, shown_by="noise-cube"),
     Rule("ray marching",
          "the density is textured, its largest value and its smallest feature are known, the engine has null-scattering, and the picture "
          "is so small or has so few samples that the steps of its rays are fewer than the octree's evaluations",
@@ -113,7 +113,7 @@ RULES = {rule.name: rule for rule in (
          "the threshold is too low for the samples to reach it, and three tenths of the picture are less noisy than the rest",
          "samples of pixels that have less noise than the picture, by a higher threshold of adaptive sampling",
          "a fifth more noise at most; the mean stays within 0.05 %, measured",
-         effect="a fifth more noise at most", gain={CYCLES: 1.2}, shown_by="club, 256 samples"),
+         effect="a fifth more noise at most", gain={CYCLES: 1.2}, shown_by="spot-haze, 256 samples, 96 pixels wide"),
     Rule("froxels",
          "a medium is seen, the cells of the screen that EEVEE keeps it in would not be too many if they were finer, in the picture and "
          "in the viewport, and nothing is blurred, traced or lets light through",
