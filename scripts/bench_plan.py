@@ -21,7 +21,7 @@ noise threshold, also that of --means pictures of the ladder's last rung, adapti
 EEVEE keeps media in froxels, cells of the screen, and is off by their width, however many its samples. Its truth is what ever finer
 cells and more samples come to, with all of the scene's own settings besides: cells of one pixel, 256 steps and --converged samples; of
 an animation it takes the middle frame. Stock is the start-up file's 64 samples, planned what the plan sets; and the first rung of each
-ladder that is as good as stock is read too.
+ladder that is as good as stock is read too. The bias is the mean of the planned picture with --converged samples over that of the truth.
 """
 
 from __future__ import annotations
@@ -222,6 +222,7 @@ def measure_eevee(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
 
     start, start_mean = shot(stock, None)
     own, own_mean = shot(planned, None)
+    _, bias = shot(planned, bench.most)
     for way in (stock, planned):
         samples = 1
         while samples < STOCK_EEVEE_SAMPLES and (not way.ladder or way.ladder[-1].error > AS_GOOD * start.error):
@@ -233,7 +234,7 @@ def measure_eevee(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
         "scene": bench.usual.name, "engine": bench.engine, "version": bpy.app.version_string, "way": planned.name, "error": start.error,
         "stock_cpu": start.cpu, "planned_error": own.error, "cpu": own.cpu, "gain": start.cpu / own.cpu, "gain_wall": start.wall / own.wall,
         "equal_cpu": firsts[1].cpu, "gain_equal": start.cpu / firsts[1].cpu, "gain_ladder": firsts[0].cpu / firsts[1].cpu,
-        "stock_mean": start_mean, "mean": own_mean, "rules": ", ".join(rules)}
+        "stock_mean": start_mean, "mean": own_mean, "bias": bias, "rules": ", ".join(rules)}
     say(f"   => {found['gain']:.2f} x as fast with an error of {own.error:.1%} instead of {start.error:.1%}; as good in {firsts[1].cpu:.2f} s, "
         f"{found['gain_equal']:.2f} x as fast, and {found['gain_ladder']:.2f} x over the fewest samples of stock that are as good")
     return [found]
@@ -302,14 +303,14 @@ def table(rows: list[dict]) -> str:
 
 
 def table_eevee(rows: list[dict]) -> str:
-    lines = ["| scene | rules | stock: error | mean | planned: error | mean | gain | gain where as good as stock | over stock's fewest samples |",
-             "|---|---|---:|---:|---:|---:|---:|---:|---:|"]
+    lines = ["| scene | rules | stock: error | mean | planned: error | mean | converged | gain | gain where as good as stock | over stock's fewest samples |",
+             "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"]
     for found in rows:
         lines.append(f"| {found['scene']} | {found['rules'] or 'nothing'} | {found['error']:.1%} | {found['stock_mean']:+.2%} | "
-                     f"{found['planned_error']:.1%} | {found['mean']:+.2%} | {found['gain']:.1f} | {found['gain_equal']:.1f} | "
+                     f"{found['planned_error']:.1%} | {found['mean']:+.2%} | {found['bias']:+.2%} | {found['gain']:.1f} | {found['gain_equal']:.1f} | "
                      f"{found['gain_ladder']:.1f} |")
     means = [geometric_mean([found[name] for found in rows]) for name in ("gain", "gain_equal", "gain_ladder")]
-    lines.append(f"| geometric mean | | | | | | {means[0]:.1f} | **{means[1]:.1f}** | {means[2]:.1f} |")
+    lines.append(f"| geometric mean | | | | | | | {means[0]:.1f} | **{means[1]:.1f}** | {means[2]:.1f} |")
     return "\n".join(lines) + "\n"
 
 

@@ -260,7 +260,8 @@ def test_finer_froxels_are_closer_in_fewer_samples(scene):
 
 
 def test_the_probe_of_a_sky_may_be_smaller(scene):
-    """Under a black world the same picture; one colour and a ramp within their bounds, the sky their only light; every value back."""
+    """Under a black world the same picture; one colour and a ramp within their bounds, the sky their only light; every value back.
+    Without the shadows of a sun that is not there the picture is the same."""
     cube(scene, volume("haze", inputs={"Density": 0.5}))
     body(scene, "floor", (0.0, 0.0, -6.0), 10.0)
     scene.render.engine, scene.eevee.taa_render_samples = compat.current().eevee, 4
@@ -286,9 +287,19 @@ def test_the_probe_of_a_sky_may_be_smaller(scene):
     found, bound = change()
     assert 0.0 < found <= bound == 0.01
     scene.world.sun_threshold = 0.8  # the ramp has 1 at most
-    assert "sky probe" not in rules(scene, 0.05)
+    assert not {"sky probe", "sky shadows"} & set(rules(scene, 0.05))
     scene.world.sun_threshold = 0.0
-    assert "sky probe" in rules(scene, 0.05)
+    assert {"sky probe", "sky shadows"} <= set(rules(scene, 0.05))
+    scene.eevee.use_shadows = False
+    assert "sky shadows" not in rules(scene)
+    scene.eevee.use_shadows = True
+
+    before = render.render_built(scene, 32, 18)[0]
+    tuning.apply(scene, [rules(scene)["sky shadows"]])
+    assert not scene.world.use_sun_shadow and "sky shadows" not in rules(scene)
+    assert np.array_equal(render.render_built(scene, 32, 18)[0], before)
+    tuning.restore(scene)
+    assert scene.world.use_sun_shadow
 
 
 def test_mirrors_are_found_on_surfaces_and_on_media(scene):

@@ -400,11 +400,20 @@ def test_the_probe_of_a_sky_is_as_wide_as_it_needs():
         assert advice(replace(smooth, **change), "sky probe", error=0.1) is None
 
 
+def test_no_shadows_of_a_sun_that_the_sky_does_not_have():
+    dim = scene(engine="eevee", probe=("World", 1024), sky_shadows=True)
+    found = advice(dim, "sky shadows")
+    assert found.changes == (tuning.Change("worlds", "World", "use_sun_shadow", False),) and found.bound == 0.0
+    assert advice(replace(dim, sky_shadows=False), "sky shadows") is None
+    assert advice(replace(dim, engine="cycles"), "sky shadows") is None
+
+
 START_UP = {"eevee.volumetric_tile_size": "8", "eevee.volumetric_samples": 64, "eevee.taa_render_samples": 64}
 
 
 @pytest.mark.parametrize("width, height, tile, samples, slices", [
-    (48, 27, "1", 8, 128),  # 82,944 froxels, and twice as many are still below 2^18
+    (48, 27, "1", 8, 192),  # 82,944 froxels, and three times as many are still below 2^18
+    (52, 29, "1", 8, 128),  # 96,512, of which two times are
     (160, 90, "2", 8, 64),  # of one pixel they would be 921,600, above 2^18
     (480, 270, "2", 8, 64),  # 2,073,600, just below 2^21
     (960, 540, "4", 16, 64),

@@ -84,11 +84,12 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
     expected = ADAPTIVE_SAMPLES if blender_scene.cycles.use_adaptive_sampling else math.inf
     if samples is None:
         samples = blender_scene.cycles.samples
+    probe = _probe(world, sky)
     own_map = world is not None and world.library is None and world.cycles.sampling_method == "AUTOMATIC"
     return Observed(
         engine, present, view, tuple(media), tuple(lamps), solids, sky.high, sky.rate,
-        world is not None and world.cycles.sampling_method != "NONE", world.name if own_map else "", _probe(world, sky), traced,
-        faces, room,
+        world is not None and world.cycles.sampling_method != "NONE", world.name if own_map else "", probe,
+        probe is not None and world.use_sun_shadow and blender_scene.eevee.use_shadows, traced, faces, room,
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
         mirrors=_any_surface(found, materials, lambda known: known[4]), touches=_touches(rest, media),

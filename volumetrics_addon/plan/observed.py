@@ -155,6 +155,7 @@ class Observed:
     aimed_sky: bool = True  # whether rays are aimed at the world, where it is not of one colour
     world: str = ""  # name of the world where the map of its brightness may be changed
     probe: tuple[str, int] | None = None  # the world, and the width of EEVEE's map of its light, where that may be changed
+    sky_shadows: bool = False  # whether EEVEE draws shadow maps for a sun in that world, where it finds none
     survey: Survey | None = None
     faces: tuple[tuple[Vector, ...], ...] = ()
     room: tuple[Vector, ...] = ()

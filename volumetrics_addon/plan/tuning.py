@@ -37,7 +37,10 @@ MOST_FROXELS = 1 << 21
 FINER = {8: 1 << 18, 4: MOST_FROXELS, 2: MOST_FROXELS}
 COARSE = 8  # pixels, of the start-up file's cells: what narrower ones are off is not much above the noise of few samples
 FEWER = {8: 8, 4: 8, 2: 4}  # and by what the samples are then divided
-FEWEST_SAMPLES, MOST_SLICES = 8, 128
+# Times as many steps along the view, where they cost next to nothing: with 64 the mean of the picture is up to 1.6 % off, with 192 it
+# is within 0.2 % of that with 256, the most that EEVEE takes.
+DEEPER = (3, 2)
+FEWEST_SAMPLES, MOST_SLICES = 8, 192
 # Width of EEVEE's map of the world's light, and by how much of the world's light the picture then changes: none where it is black; 95 %
 # of the colours of a world of one, which are rounded to 11-bit floats in each map; and of a sky that changes as fast as is allowed.
 BLACK, PLAIN, SMOOTH = (128, 0.0), (512, 0.006), (512, 0.01)
@@ -536,6 +539,12 @@ def _sky_probe(scene: Observed, allowed: float) -> Found:
     return (Change("worlds", world, "probe_resolution", str(width)),), f"{width} instead of {present} pixels across", bound
 
 
+def _sky_shadows(scene: Observed, allowed: float) -> Found:
+    if not scene.sky_shadows:
+        return None
+    return (Change("worlds", scene.probe[0], "use_sun_shadow", False),), "EEVEE finds no sun in the world", 0.0
+
+
 def _threshold(scene: Observed, allowed: float) -> Found:
     """Pixels that have less noise than the picture will have take no more samples: a threshold by the noise that a pilot measured."""
     noise = scene.noise
@@ -576,8 +585,9 @@ def _froxels(scene: Observed, allowed: float) -> Found:
         return None
     changes = [Change("scenes", "", "eevee.volumetric_tile_size", str(tile // finer)),
                Change("scenes", "", "eevee.taa_render_samples", fewer)]
-    if 2 * slices <= MOST_SLICES and 2.0 * froxels * finer**2 <= FINER[8]:
-        changes.append(Change("scenes", "", "eevee.volumetric_samples", 2 * slices))
+    deeper = next((times for times in DEEPER if times * slices <= MOST_SLICES and times * froxels * finer**2 <= FINER[8]), 0)
+    if deeper:
+        changes.append(Change("scenes", "", "eevee.volumetric_samples", deeper * slices))
     return tuple(changes), f"cells {tile // finer} instead of {tile} pixels wide, and {fewer} instead of {samples} samples", 0.0
 
 
@@ -605,5 +615,6 @@ _FINDERS: dict[str, Callable[[Observed, float], Found]] = {
     "bounces": _bounces, "sampling": _sampling, "ray marching": _marching, "longer steps": _longer, "unseen media": _unseen,
     "thin media": _thin, "unseen lamps": _unseen_lamps, "idle lamps": _idle, "light tree": _light_tree,
     "lamp hits": _lamp_hits, "sky rays": _sky_rays, "sky map": _sky_map, "guiding": _guiding,
-    "sky probe": _sky_probe, "noise threshold": _threshold, "froxels": _froxels, "passes": _passes, "persistent data": _persistent,
+    "sky probe": _sky_probe, "sky shadows": _sky_shadows, "noise threshold": _threshold, "froxels": _froxels, "passes": _passes,
+    "persistent data": _persistent,
 }
