@@ -148,7 +148,7 @@ THICK = {"congestus", "storm", "stratus", "stratocumulus"}
 SLOW = {"underwater-shafts", "forest-shafts", "cathedral-window", "stadium", "two-layer", "city-haze", "light-haze", "amber-bottle",
         "underwater", "high-altitude", "mars", "dusty-attic",
         "window-shafts", "hazy-city", "golden-hour"}
-SAMPLES = {"headlights": 1024, "dusty-attic": 512}  # narrow beams seen from beside, a shaft in a dim room
+SAMPLES = {"headlights": 1024, "dusty-attic": 512, "forest-shafts": 512}  # narrow beams seen from beside, shafts in dim places
 RAYS = {"dusty-attic": 256, "lighthouse": 100}  # of the reference: a path tracer's in a dim room, a narrow beam
 
 
