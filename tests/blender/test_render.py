@@ -10,7 +10,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from volumetrics_addon import verify  # noqa: E402
-from volumetrics_addon.blender import build, compat, render  # noqa: E402
+from volumetrics_addon.blender import build, compat, objects, render  # noqa: E402
 from volumetrics_addon.parameters.families import FAMILIES  # noqa: E402
 from volumetrics_addon.parameters.preset import Preset, load, names  # noqa: E402
 from volumetrics_addon.parameters.stage import PROP, STAGE  # noqa: E402
@@ -176,6 +176,24 @@ def test_a_wrong_albedo_is_caught():
     reference = verify.reference_of(verify.scene_of(truth), 24, 24)
     result = verify.verify(wrong, "cycles", 24, 128, repeats=4, reference=reference)
     assert not result.passes(0.005)
+
+
+@pytest.mark.parametrize("name", ["theatre-spot", "morning-valley"])  # before a black world, and before a sky
+def test_what_a_world_does_not_need_changes_no_bit_of_eevee(name, monkeypatch):
+    chosen = load(name)
+    scene = verify.scene_of(chosen)
+    shot = lambda: render.render(chosen, scene, "eevee", 32, 18, 4).images[0]  # noqa: E731
+    spare, built = shot(), objects.world
+
+    def start_up(*arguments):
+        world, own = built(*arguments), bpy.data.worlds.new("own")
+        for path in ("sun_threshold", "use_sun_shadow", "probe_resolution"):
+            setattr(world, path, getattr(own, path))
+        assert world.use_sun_shadow and int(world.probe_resolution) > 128
+        return world
+
+    monkeypatch.setattr(objects, "world", start_up)
+    assert np.array_equal(shot(), spare) and spare.mean() > 0.0
 
 
 def test_versions_have_one_row_each():

@@ -15,6 +15,7 @@ from mathutils import Matrix
 from ..scene.model import (
     Box, Camera, Color, Cone, Ellipsoid, Hull, Light, Shape, Sun, Surface, add, look_frame, normalized, scaled, subtract,
 )
+from ..plan.tuning import BLACK
 from .compat import use_nodes
 from .nodes import Tree, arrange, socket_of
 
@@ -240,6 +241,8 @@ def world(radiance: Color, name: str, share: Color = (1.0, 1.0, 1.0)) -> bpy.typ
     """Uniform environment, and never a volume. With a ``share`` it is seen as it is, and shines with that share of its light."""
     result = bpy.data.worlds.new(name)
     result.sun_threshold, result.use_sun_shadow = 0.0, False  # EEVEE need not look for a sun in it, and draw its shadows
+    if not any(radiance):
+        result.probe_resolution = str(BLACK[0])
     build = Tree(use_nodes(result))
     output = build.node("ShaderNodeOutputWorld", target="ALL")
     seen = _emission(build, "ShaderNodeBackground", radiance)
