@@ -60,11 +60,10 @@ def literal_depth(radius, mu, distance, scale_height, planet_radius):
     start = r * mu
     end = mp.inf if distance == math.inf else start + mp.mpf(float(distance))
 
-    def density(s):
-        return mp.exp(-(mp.sqrt(s * s + passing2) - ground) / h)
-
     def rising(a, b):
         here = mp.sqrt(a * a + passing2)
+        # Relative to the density here: the tolerance of quad is absolute.
+        density = lambda s: mp.exp(-(mp.sqrt(s * s + passing2) - here) / h)  # noqa: E731
         edges = [a]
         gains = [mp.mpf(q) for q in (0.1, 0.5, 1, 2, 4, 8, 16, 32, 64)]
         gains += [passing / h * k for k in (0.3, 1, 3, 10, 100, 1000)]
@@ -77,7 +76,7 @@ def literal_depth(radius, mu, distance, scale_height, planet_radius):
         last = mp.sqrt((here + 64 * h) ** 2 - passing2)
         if b <= last:
             edges.append(b)
-        return mp.fsum(mp.quad(density, pair) for pair in zip(edges, edges[1:]))
+        return mp.exp(-(here - ground) / h) * mp.fsum(mp.quad(density, pair) for pair in zip(edges, edges[1:]))
 
     with mp.workdps(30):
         if start >= 0:
