@@ -12,10 +12,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..plan.model import BLACK_PROBE
 from ..scene.model import (
     Box, Camera, Color, Cone, Ellipsoid, Hull, Light, Shape, Sun, Surface, add, look_frame, normalized, scaled, subtract,
 )
-from ..plan.tuning import BLACK
 from .compat import use_nodes
 from .nodes import Tree, arrange, socket_of
 
@@ -242,7 +242,7 @@ def world(radiance: Color, name: str, share: Color = (1.0, 1.0, 1.0)) -> bpy.typ
     result = bpy.data.worlds.new(name)
     result.sun_threshold, result.use_sun_shadow = 0.0, False  # EEVEE need not look for a sun in it, and draw its shadows
     if not any(radiance):
-        result.probe_resolution = str(BLACK[0])
+        result.probe_resolution = str(BLACK_PROBE)
     build = Tree(use_nodes(result))
     output = build.node("ShaderNodeOutputWorld", target="ALL")
     seen = _emission(build, "ShaderNodeBackground", radiance)

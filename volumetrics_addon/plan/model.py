@@ -8,6 +8,7 @@ from typing import Any
 
 CYCLES, EEVEE = "cycles", "eevee"
 ENGINES = (CYCLES, EEVEE)
+BLACK_PROBE = 128  # width of EEVEE's map of a black world, the narrowest there is: any gives the same picture
 
 
 @dataclass(frozen=True)

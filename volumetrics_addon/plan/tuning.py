@@ -14,7 +14,7 @@ from typing import Any
 
 from . import visibility
 from .catalogue import RULES, TARGET, Rule
-from .model import EEVEE
+from .model import BLACK_PROBE, EEVEE
 from .observed import Lamp, Medium, Observed
 
 # Ray marching is jittered: with a step of optical depth d at most, one random offset for a whole ray makes a transmittance too
@@ -43,7 +43,7 @@ DEEPER = (3, 2)
 FEWEST_SAMPLES, MOST_SLICES = 8, 192
 # Width of EEVEE's map of the world's light, and by how much of the world's light the picture then changes: none where it is black; 95 %
 # of the colours of a world of one, which are rounded to 11-bit floats in each map; and of a sky that changes as fast as is allowed.
-BLACK, PLAIN, SMOOTH = (128, 0.0), (512, 0.006), (512, 0.01)
+BLACK, PLAIN, SMOOTH = (BLACK_PROBE, 0.0), (512, 0.006), (512, 0.01)
 # Cycles is done with a pixel where the picture of half of its samples differs from that of all by less than the threshold: the sum of
 # the channels' differences over the root of their brightness. The difference has the variance of the picture itself, hence the mean
 # of a normal variable's amount. QUIETER: by how much less than the whole picture a pixel is then noisy; its square is what the
