@@ -3,7 +3,9 @@
 
     python scripts/bench_tool.py [--cycles 1000] [--repeats 7] [enable] [apply] [plan] [memory]
 
-Milliseconds of the processor, medians of the repeats; what a fresh process pays once is measured in fresh processes. A preset is
+Milliseconds of the processor in the thread that the user waits for, medians of the repeats: on an idle machine Blender's other
+threads go on spinning for a while after a file is read, which nobody waits for. The clock's stand beside them, and are more where the
+machine is busy. What a fresh process pays once is measured in fresh processes. A preset is
 applied to Blender's start-up scene with the values that the panel offers. ``first`` holds the imports of a session,
 ``later`` does not. Goals are those of each family's default values; presets above them are marked too. The exit status is 1 where one is missed.
 """
@@ -52,10 +54,10 @@ def enable(repeats: int) -> bool:
 import gc
 gc.collect()  # a full collection, which is due at any time, takes 25 ms over all that Blender has loaded
 before = set(sys.modules)  # Blender's own add-ons load NumPy
-start = time.process_time()
+start = time.thread_time()
 import volumetrics_addon
 volumetrics_addon.register()
-spent = time.process_time() - start
+spent = time.thread_time() - start
 result = {'ms': 1e3 * spent, 'numpy': any(name.partition('.')[0] == 'numpy' for name in set(sys.modules) - before)}
 volumetrics_addon.unregister()"""
     fresh(code)  # compiles
@@ -95,26 +97,27 @@ def apply(repeats: int) -> bool:
 
     good = True
     for family, presets in families().items():
-        code = (f"sys.path.insert(0, 'scripts')\nimport bench_tool\nstart = time.process_time()\n"
-                f"bench_tool.add(bpy.context.scene, {family!r})\nresult = 1e3 * (time.process_time() - start)")
+        code = (f"sys.path.insert(0, 'scripts')\nimport bench_tool\nstart = time.thread_time()\n"
+                f"bench_tool.add(bpy.context.scene, {family!r})\nresult = 1e3 * (time.thread_time() - start)")
         fresh(code)
         first = median(fresh(code) for _ in range(min(repeats, 3)))
         for name in (family, *presets):
-            spent, removing = [], []
+            spent, removing, clock = [], [], []
             for _ in range(repeats):
                 bpy.ops.wm.read_factory_settings()
-                start = time.process_time()
+                start, began = time.thread_time(), time.perf_counter()
                 item = add(bpy.context.scene, name)
-                spent.append(1e3 * (time.process_time() - start))
-                start = time.process_time()
+                spent.append(1e3 * (time.thread_time() - start))
+                clock.append(1e3 * (time.perf_counter() - began))
+                start = time.thread_time()
                 items.remove_item(bpy.context.scene, item)
-                removing.append(1e3 * (time.process_time() - start))
+                removing.append(1e3 * (time.thread_time() - start))
             fine = median(spent) <= APPLY_MS
             if name == family:
                 good &= fine
             once = f"first {first:7.1f} ms" if name == family else " " * 16
             print(f"applying {family:<8} {'its defaults' if name == family else name:<18} {once}  later {median(spent):7.1f} ms  "
-                  f"removing {median(removing):6.1f} ms{MARK[fine]}", flush=True)
+                  f"clock {median(clock):7.1f} ms  removing {median(removing):6.1f} ms{MARK[fine]}", flush=True)
     return good
 
 
@@ -151,9 +154,9 @@ def plan(repeats: int) -> bool:
     scene = large_scene()
     spent = []
     for _ in range(repeats):
-        start = time.process_time()
+        start = time.thread_time()
         advice = tuning.plan(scene)
-        spent.append(1e3 * (time.process_time() - start))
+        spent.append(1e3 * (time.thread_time() - start))
     good = median(spent) <= PLAN_MS
     print(f"planning          {median(spent):8.1f} ms, first {spent[0]:.1f}, goal {PLAN_MS:g}: {len(scene.objects)} objects, "
           f"{LAMPS} lamps, {len(advice)} pieces of advice{MARK[good]}")
