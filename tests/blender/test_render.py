@@ -196,6 +196,15 @@ def test_what_a_world_does_not_need_changes_no_bit_of_eevee(name, monkeypatch):
     assert np.array_equal(shot(), spare) and spare.mean() > 0.0
 
 
+def test_a_bright_uniform_world_is_no_sun_of_eevee():
+    """Beyond the 10 that a world's brightness may have by default EEVEE made a sun of the rest: 0.78 of Cycles' light."""
+    chosen = load("morning-valley")
+    scene = replace(verify.scene_of(chosen), environment=(50.0, 50.0, 50.0))
+    light = {engine: render.render(chosen, scene, engine, 32, 18, samples).images[0].mean()
+             for engine, samples in (("cycles", 256), ("eevee", 16))}
+    assert light["eevee"] == pytest.approx(light["cycles"], rel=0.03)  # measured 1.011
+
+
 def test_versions_have_one_row_each():
     rows = [row.since for row in compat.TABLE]
     assert rows == sorted(rows) and rows[0] == compat.OLDEST

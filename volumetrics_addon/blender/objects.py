@@ -242,7 +242,8 @@ def _emission(build: Tree, kind: str, radiance: Color) -> bpy.types.NodeSocket:
 def world(radiance: Color, name: str, share: Color = (1.0, 1.0, 1.0)) -> bpy.types.World:
     """Uniform environment, and never a volume. With a ``share`` it is seen as it is, and shines with that share of its light."""
     result = bpy.data.worlds.new(name)
-    result.sun_threshold, result.use_sun_shadow = 0.0, False  # EEVEE need not look for a sun in it, and draw its shadows
+    # EEVEE takes what is brighter than a threshold for a sun, of a uniform world too, and draws shadow maps even where it finds none.
+    result.sun_threshold, result.use_sun_shadow = 0.0, False
     if not any(radiance):
         result.probe_resolution = str(BLACK_PROBE)
     build = Tree(use_nodes(result))
