@@ -104,13 +104,13 @@ def forget(mesh: bpy.types.Mesh) -> None:
             mesh.attributes.remove(mesh.attributes[name])
 
 
-def chord(build: Tree, direction: bpy.types.NodeSocket, cosine: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """The way inside along the refracted direction, given in the object's coordinates, at the inner cosine."""
+def chord(build: Tree, back: bpy.types.NodeSocket, cosine: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """The way inside at the inner cosine, from the direction against the refracted ray in the object's coordinates."""
     scale = object_scale(build)
     alpha, gamma = (socket_of(build.node("ShaderNodeAttribute", attribute_name=name).outputs, "Fac") for name in (LENGTH, SLOPE))
     tau = socket_of(build.node("ShaderNodeAttribute", attribute_name=SKEW).outputs, "Vector")
-    skew = build.math("MULTIPLY", build.scalar("DOT_PRODUCT", tau, direction), scale)
-    total = build.math("ADD", build.math("MULTIPLY_ADD", gamma, cosine, alpha), skew)
+    skew = build.math("MULTIPLY", build.scalar("DOT_PRODUCT", tau, back), scale)
+    total = build.math("SUBTRACT", build.math("MULTIPLY_ADD", gamma, cosine, alpha), skew)
     return build.math("MAXIMUM", build.math("MULTIPLY", total, scale), 0.0)
 
 

@@ -34,6 +34,8 @@ class Tree:
     def feed(self, socket: bpy.types.NodeSocket, value: Any) -> None:
         if isinstance(value, bpy.types.NodeSocket):
             self.tree.links.new(value, socket)
+        elif socket.type == "VECTOR" and isinstance(value, (int, float)):
+            socket.default_value = (value,) * 3  # as a link would
         else:
             socket.default_value = value
 
@@ -60,6 +62,11 @@ class Tree:
 
     def combine(self, x: Any, y: Any, z: Any) -> bpy.types.NodeSocket:
         return self.node("ShaderNodeCombineXYZ", {0: x, 1: y, 2: z}).outputs[0]
+
+    def least(self, vector: Any) -> bpy.types.NodeSocket:
+        """The least component."""
+        x, y, z = self.components(vector)
+        return self.math("MINIMUM", self.math("MINIMUM", x, y), z)
 
     def shader_sum(self, *shaders: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         total = shaders[0]

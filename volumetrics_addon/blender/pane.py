@@ -18,7 +18,7 @@ import bpy
 from ..scene import pane
 from ..scene.model import Volume
 from . import images
-from .interface import ONE, absorption, incidence, inner_cosine, mirror, one_minus, reflectance, square, transmitted
+from .interface import ONE, absorption, incidence, index, inside, mirror, one_minus, reflectance, square, transmitted
 from .nodes import Tree, socket_of
 from .shaders import ENGINES, Outputs, Sockets
 
@@ -47,7 +47,7 @@ def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], axes: tuple
     if pattern != "none":
         share = inputs["coverage"]
         if image is not None:
-            softness = inputs["coverage_softness"] if pattern == "dirt" else 0.0
+            softness = inputs["coverage_softness"] if pattern == "dirt" else None
             share = _share(build, share, softness, _looked_up(build, image, place, "Linear")[0])
         cover = build.node("ShaderNodeBsdfDiffuse", {"Color": inputs["coverage_color"], "Roughness": 0.0})
         shader = build.node("ShaderNodeMixShader", {0: share, 1: shader, 2: cover.outputs[0]}).outputs[0]
@@ -56,11 +56,13 @@ def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], axes: tuple
 
 def _glass(build: Tree, inputs: Sockets, values: Mapping[str, Any], sigma: Socket, cosine: Socket) -> Socket:
     """T = (1 - r)^2 t / (1 - r^2 t^2), R = r (1 + t T); without refraction T = t, R = 0."""
-    inside = inner_cosine(build, cosine, inputs["ior"]) if values["refraction"] else build.math("MAXIMUM", cosine, 1e-6)
-    t = transmitted(build, sigma, build.math("DIVIDE", values["thickness"], inside))
     if not values["refraction"]:
-        return build.node("ShaderNodeBsdfTransparent", {"Color": t}).outputs[0]
-    r = reflectance(build, cosine, inputs["ior"], inside)
+        path = build.math("DIVIDE", values["thickness"], build.math("MAXIMUM", cosine, 1e-6))
+        return build.node("ShaderNodeBsdfTransparent", {"Color": transmitted(build, sigma, path)}).outputs[0]
+    ior = index(build, inputs["ior"])
+    inner = inside(build, cosine, ior)
+    t = transmitted(build, sigma, build.math("DIVIDE", build.math("MULTIPLY", ior.n, values["thickness"]), inner))
+    r = reflectance(build, cosine, inner, ior)
     rt = build.scale(t, r)
     through = build.vector("DIVIDE", build.scale(t, square(build, one_minus(build, r))),
                            build.vector("SUBTRACT", ONE, build.vector("MULTIPLY", rt, rt)))
@@ -79,16 +81,18 @@ def _looked_up(build: Tree, image: bpy.types.Image, place: Socket, interpolation
     return build.node("ShaderNodeSeparateColor", {0: socket_of(node.outputs, "Color")}).outputs
 
 
-def _share(build: Tree, coverage: Socket, softness: Any, rank: Socket) -> Socket:
-    """clamp(1/2 + (c - u) / w, 0, 1) with w = 2 softness min(c, 1 - c); see scene.pane."""
+def _share(build: Tree, coverage: Socket, softness: Socket | None, rank: Socket) -> Socket:
+    """clamp(1/2 + (c - u) / w, 0, 1) with w = 2 softness min(c, 1 - c), without softness the sharpest; see scene.pane."""
+    difference = build.math("SUBTRACT", coverage, rank)
+    if softness is None:
+        return build.math("MULTIPLY_ADD", difference, 1.0 / pane.SHARPEST, 0.5, clamp=True)
     spread = build.math("MULTIPLY", build.math("MINIMUM", coverage, one_minus(build, coverage)),
                         build.math("MULTIPLY", softness, 2.0))
-    difference = build.math("DIVIDE", build.math("SUBTRACT", coverage, rank), build.math("MAXIMUM", spread, pane.SHARPEST))
-    return build.math("ADD", difference, 0.5, clamp=True)
+    return build.math("ADD", build.math("DIVIDE", difference, build.math("MAXIMUM", spread, pane.SHARPEST)), 0.5, clamp=True)
 
 
 def _turned(build: Tree, sigma: Socket, variation: Socket, number: Socket) -> Socket:
     """Absorption turned about the grey axis by 2 pi variation (number - 1/2), what falls below 0 cut off."""
-    angle = build.math("MULTIPLY", build.math("MULTIPLY", build.math("SUBTRACT", number, 0.5), variation), 2.0 * math.pi)
+    angle = build.math("MULTIPLY", build.math("MULTIPLY_ADD", number, 2.0 * math.pi, -math.pi), variation)
     node = build.node("ShaderNodeVectorRotate", {"Vector": sigma, "Axis": ONE, "Angle": angle}, rotation_type="AXIS_ANGLE")
     return build.vector("MAXIMUM", node.outputs[0], (0.0,) * 3)

@@ -25,7 +25,8 @@ from ...scene.model import Box, Ellipsoid, Shape
 from .. import chords, pane
 from ..fields import Fields
 from ..interface import (
-    ONE, absorption, incidence, inner_cosine, mirror, object_scale, one_minus, reflectance, refracted, square, transmitted,
+    ONE, Index, absorption, incidence, index, inside, mirror, object_scale, one_minus, outside, reflectance, refracted, square,
+    transmitted,
 )
 from ..nodes import Tree, socket_of
 from ..shaders import ENGINES, Outputs, Sockets
@@ -33,6 +34,9 @@ from ..shaders import ENGINES, Outputs, Sockets
 Socket = bpy.types.NodeSocket
 # Path in glass, and the shares R and T (a number or a vector each).
 Body = tuple[Socket, Socket, Socket]
+
+NO_AXIS = 1e-7  # added to a direction: what is across an axis comes to its planes late, where a division by zero would give 0
+EDGE = 1e5  # half sides in the band at an edge where two faces are blended: wider than the rounding of floats
 
 
 def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shape, fields: Fields) -> Outputs:
@@ -48,13 +52,14 @@ def outputs(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Shap
         return {f"{engine} Volume": volume for engine in ENGINES}
     surface = build.node("ShaderNodeBsdfGlass", {"Color": (1.0, 1.0, 1.0, 1.0), "Roughness": 0.0, "IOR": inputs["ior"]})
     geometry, cosine = incidence(build)
-    direction, position = refracted(build, geometry, inputs["ior"]), socket_of(build.node("ShaderNodeTexCoord").outputs, "Object")
-    entrance = reflectance(build, cosine, inputs["ior"])
+    ior, back = index(build, inputs["ior"]), refracted(build, geometry, inputs["ior"])
+    inner = inside(build, cosine, ior)
+    entrance = reflectance(build, cosine, inner, ior)
     if fields.measured:
-        way = chords.chord(build, direction, inner_cosine(build, cosine, inputs["ior"]))
-        path, mirrored, through = _ball(build, sigma, entrance, way)
+        path, mirrored, through = _ball(build, sigma, entrance, chords.chord(build, back, build.math("DIVIDE", inner, ior.n)))
     else:
-        path, mirrored, through = _BODIES[type(shape)](build, inputs["ior"], shape, fields, sigma, entrance, position, direction)
+        position = socket_of(build.node("ShaderNodeTexCoord").outputs, "Object")
+        path, mirrored, through = _BODIES[type(shape)](build, ior, shape, fields, sigma, entrance, position, back)
     # The tint of EEVEE's refraction acts on the way in and on the way out.
     tint = build.vector("POWER", through, (0.5,) * 3)
     shader = build.shader_sum(
@@ -72,13 +77,14 @@ def _volume(build: Tree, sigma: Socket) -> Socket:
     return build.node("ShaderNodeVolumeAbsorption", {"Color": color, "Density": largest}).outputs[0]
 
 
-def _round(build: Tree, ior: Any, shape: Ellipsoid, fields: Fields, sigma: Socket, r: Socket, position: Socket,
-           direction: Socket) -> Body:
-    p, d = (build.vector("DIVIDE", v, shape.half) for v in (position, direction))
-    chord = build.math("MULTIPLY", -2.0, build.math("DIVIDE", build.scalar("DOT_PRODUCT", p, d),
-                                                    build.scalar("DOT_PRODUCT", d, d)))
+def _round(build: Tree, ior: Index, shape: Ellipsoid, fields: Fields, sigma: Socket, r: Socket, position: Socket,
+           back: Socket) -> Body:
+    """The chord 2 p.b / b.b of the unit ball along b, against the ray; p.b and b.b are products with b over the squared radii."""
+    over = build.vector("MULTIPLY", back, tuple(half**-2 for half in shape.half))
+    chord = build.math("DIVIDE", build.scalar("DOT_PRODUCT", position, over),
+                       build.math("MULTIPLY", build.scalar("DOT_PRODUCT", back, over), 0.5))
     if fields.cavity is not None:
-        return _shell(build, ior, fields.cavity, sigma, r, position, direction, chord)
+        return _shell(build, ior, fields.cavity, sigma, r, position, back, chord)
     return _ball(build, sigma, r, chord)
 
 
@@ -89,7 +95,7 @@ def _ball(build: Tree, sigma: Socket, r: Socket, chord: Socket) -> Body:
     return chord, r, build.vector("DIVIDE", build.vector("MULTIPLY", t, square(build, one_minus(build, r))), lost)
 
 
-def _shell(build: Tree, ior: Any, cavity: Ellipsoid, sigma: Socket, r: Socket, position: Socket, direction: Socket,
+def _shell(build: Tree, ior: Index, cavity: Ellipsoid, sigma: Socket, r: Socket, position: Socket, back: Socket,
            chord: Socket) -> Body:
     """Two walls of transmittance w = sqrt(t), t over the chord of the refracted line less its chord of the cavity.
 
@@ -98,13 +104,15 @@ def _shell(build: Tree, ior: Any, cavity: Ellipsoid, sigma: Socket, r: Socket, p
     T = a^2 / (1 - b'^2), R = b + a^2 b' / (1 - b'^2). Where the line misses the cavity or is totally reflected there, r' = 1
     and c leaves on the far side: T = c, R = r.
     """
-    p, d = (build.vector("DIVIDE", v, cavity.half) for v in (position, direction))
-    dd, pd = build.scalar("DOT_PRODUCT", d, d), build.scalar("DOT_PRODUCT", p, d)
+    p, b = (build.vector("DIVIDE", v, cavity.half) for v in (position, back))
     # Squared sine of the line at the cavity: its least distance there, in radii.
-    sine2 = build.math("SUBTRACT", build.scalar("DOT_PRODUCT", p, p), build.math("DIVIDE", square(build, pd), dd))
-    half = build.math("SQRT", build.math("DIVIDE", build.math("MAXIMUM", one_minus(build, sine2), 0.0), dd))
+    aside = build.vector("SUBTRACT", p, build.vector("PROJECT", p, b))
+    sine2 = build.scalar("DOT_PRODUCT", aside, aside)
+    half = build.math("SQRT", build.math("DIVIDE", one_minus(build, sine2), build.scalar("DOT_PRODUCT", b, b)))  # 0 beside it
     path = build.math("MULTIPLY_ADD", half, -2.0, chord)
-    inner, blocked = _leaving(build, build.math("MULTIPLY", sine2, square(build, ior)), ior)
+    outside2 = one_minus(build, build.math("MULTIPLY", sine2, ior.square))
+    blocked, cosine = build.math("LESS_THAN", outside2, 0.0), build.math("SQRT", outside2)
+    inner = build.math("MAXIMUM", reflectance(build, cosine, inside(build, cosine, ior), ior), blocked)
     enters, leaves = square(build, one_minus(build, r)), square(build, one_minus(build, inner))
     t = transmitted(build, sigma, path)
     turns = build.vector("SUBTRACT", ONE, build.scale(t, build.math("MULTIPLY", r, inner)))  # 1 - r r' t
@@ -119,45 +127,26 @@ def _shell(build: Tree, ior: Any, cavity: Ellipsoid, sigma: Socket, r: Socket, p
     return path, build.vector("MULTIPLY_ADD", crossed, back, near), build.vector("ADD", crossed, far)
 
 
-def _block(build: Tree, ior: Any, shape: Box, fields: Fields, sigma: Socket, r: Socket, position: Socket,
-           direction: Socket) -> Body:
-    far = _to_planes(build, shape, position, direction)
-    path, faces = _nearest(build, far), _face(build, far)
-    reached = build.vector("MULTIPLY_ADD", direction, build.combine(path, path, path), position)
-    turned = build.vector("MULTIPLY", direction, build.vector("MULTIPLY_ADD", faces, (-2.0,) * 3, ONE))
-    more = _nearest(build, _to_planes(build, shape, reached, turned))
-    inside2 = square(build, build.scalar("DOT_PRODUCT", build.vector("ABSOLUTE", direction), faces))
-    leaving, _ = _leaving(build, build.math("MULTIPLY", one_minus(build, inside2), square(build, ior)), ior)
+def _block(build: Tree, ior: Index, shape: Box, fields: Fields, sigma: Socket, r: Socket, position: Socket, back: Socket) -> Body:
+    """Vectors hold the three axes: with b against the ray, the ways to the planes of the faces ahead are half / |b| + p / b.
+
+    The leg after the path begins on a face: along its axis it is the way across, and along the others what was left.
+    """
+    back = build.vector("ADD", back, (NO_AXIS,) * 3)
+    steep = build.vector("ABSOLUTE", back)
+    across = build.vector("DIVIDE", tuple(2.0 * half for half in shape.half), steep)
+    ahead = build.vector("MULTIPLY_ADD", across, (0.5,) * 3, build.vector("DIVIDE", position, back))
+    path = build.least(ahead)
+    left = build.vector("SUBTRACT", ahead, path)
+    # 1 along the axis of the face that is reached, and 0 along the others.
+    sharpness = EDGE / max(shape.half)
+    face = build.vector("MAXIMUM", build.vector("MULTIPLY_ADD", left, (-sharpness,) * 3, ONE), (0.0,) * 3)
+    more = build.least(build.vector("MULTIPLY_ADD", face, across, left))
+    inner = build.math("MULTIPLY", build.scalar("DOT_PRODUCT", steep, face), ior.n)
+    leaving = reflectance(build, outside(build, inner, ior), inner, ior)
     t, further = transmitted(build, sigma, path), transmitted(build, sigma, more)
     kept = build.vector("MULTIPLY_ADD", build.vector("SUBTRACT", further, ONE), leaving, ONE)  # 1 - r' + r' t'
     return path, r, build.vector("MULTIPLY", build.scale(t, one_minus(build, r)), kept)
-
-
-def _leaving(build: Tree, sine2: Socket, ior: Any) -> tuple[Socket, Socket]:
-    """Reflectance from inside, by the squared sine outside, and whether it is total (1 or 0)."""
-    outside2 = one_minus(build, sine2)
-    total = build.math("LESS_THAN", outside2, 0.0)
-    partial = reflectance(build, build.math("SQRT", build.math("MAXIMUM", outside2, 0.0)), ior)
-    return build.math("MAXIMUM", partial, total), total
-
-
-def _to_planes(build: Tree, shape: Box, position: Any, direction: Any) -> list[Socket]:
-    """Ways (m) from a position in the box to the planes of the faces ahead, one for each axis."""
-    reach = build.vector("SUBTRACT", build.vector("MULTIPLY", build.vector("SIGN", direction), shape.half), position)
-    # A division by zero gives 0 in shader nodes; such an axis is never left.
-    return [build.math("ADD", t, build.math("MULTIPLY", build.math("LESS_THAN", build.math("ABSOLUTE", d), 1e-6), 1e9))
-            for t, d in zip(build.components(build.vector("DIVIDE", reach, direction)), build.components(direction))]
-
-
-def _nearest(build: Tree, far: list[Socket]) -> Socket:
-    return build.math("MINIMUM", build.math("MINIMUM", far[0], far[1]), far[2])
-
-
-def _face(build: Tree, far: list[Socket]) -> Socket:
-    """A vector that is 1 along the axis of the nearest plane, and 0 along the others."""
-    first = build.math("LESS_THAN", far[0], build.math("MINIMUM", far[1], far[2]))
-    second = build.math("MULTIPLY", one_minus(build, first), build.math("LESS_THAN", far[1], far[2]))
-    return build.combine(first, second, build.math("SUBTRACT", one_minus(build, first), second))
 
 
 _BODIES = {Ellipsoid: _round, Box: _block}
