@@ -36,15 +36,14 @@ def group(values: Mapping[str, Any], light: Projector, name: str, owner: bpy.typ
     tree.interface.new_socket("Passed", in_out="OUTPUT", socket_type="NodeSocketColor")
     build = Tree(tree)
     live = {key: _driven(build, key, owner, node) for key in LIVE}
-    x, y = _plane(build, build.components(build.node("NodeGroupInput").outputs[0]), live)
+    place = _plane(build, build.node("NodeGroupInput").outputs[0], live)
     if values["gobo"] == "image":
         aspect = math.tan(light.horizontal_fov / 2.0) / math.tan(light.vertical_fov / 2.0)
-        passed = _image(build, x, y, aspect, values, name)
+        passed = _image(build, place, aspect, values, name)
     else:
-        half = values["gobo_count"] / 2.0
         softness = build.math("MAXIMUM", live["gobo_softness"], gobo.SOFTEST)
-        passed = _PATTERNS[values["gobo"]](build, build.math("MULTIPLY", x, half), build.math("MULTIPLY", y, half), softness,
-                                           values["gobo_seed"], live["gobo_time"], name)
+        passed = _PATTERNS[values["gobo"]](build, build.scale(place, values["gobo_count"] / 2.0), softness, values["gobo_seed"],
+                                           live["gobo_time"], name)
     build.feed(build.node("NodeGroupOutput").inputs[0], passed)
     arrange(tree)
     return tree
@@ -62,92 +61,123 @@ def _driven(build: Tree, key: str, owner: bpy.types.Material, node: bpy.types.No
     return result.outputs[0]
 
 
-def _plane(build: Tree, place: tuple[Socket, ...], live: Mapping[str, Socket]) -> tuple[Socket, Socket]:
+def _plane(build: Tree, place: Socket, live: Mapping[str, Socket]) -> Socket:
     """R(-rotation) place / scale - time drift."""
-    c, s = (build.math(operation, live["gobo_rotation"]) for operation in ("COSINE", "SINE"))
-    u, v, _ = place
-    turned = (build.math("ADD", build.math("MULTIPLY", c, u), build.math("MULTIPLY", s, v)),
-              build.math("SUBTRACT", build.math("MULTIPLY", c, v), build.math("MULTIPLY", s, u)))
-    return tuple(build.math("SUBTRACT", build.math("DIVIDE", along, live["gobo_scale"]),
-                            build.math("MULTIPLY", live["gobo_time"], live[f"gobo_drift_{way}"]))
-                 for along, way in zip(turned, ("right", "up")))
+    turned = build.node("ShaderNodeVectorRotate", {"Vector": place, "Angle": live["gobo_rotation"]}, rotation_type="Z_AXIS",
+                        invert=True).outputs[0]
+    drift = build.combine(live["gobo_drift_right"], live["gobo_drift_up"], 0.0)
+    return build.vector("SUBTRACT", build.vector("DIVIDE", turned, live["gobo_scale"]), build.scale(drift, live["gobo_time"]))
 
 
 def _ramp(build: Tree, x: Socket, softness: Any) -> Socket:
-    t = build.math("ADD", build.math("DIVIDE", x, softness), 0.5, clamp=True)
-    return build.math("MULTIPLY", build.math("MULTIPLY", t, t), build.math("MULTIPLY_ADD", t, -2.0, 3.0))
+    """Smooth step from 0 to 1 around 0, of a number."""
+    return build.node("ShaderNodeMapRange", {"Value": build.math("DIVIDE", x, softness), "From Min": -0.5, "From Max": 0.5},
+                      interpolation_type="SMOOTHSTEP").outputs[0]
 
 
-def _pane(build: Tree, x: Socket, half: float, softness: Socket) -> Socket:
-    middle = build.math("ABSOLUTE", build.math("SUBTRACT", build.math("SUBTRACT", x, build.math("FLOOR", x)), 0.5))
-    return _ramp(build, build.math("SUBTRACT", half, middle), softness)
+def _panes(build: Tree, place: Socket, half: float, softness: Socket) -> tuple[Socket, ...]:
+    """1 within ``half`` of the middle of each unit cell, along each axis."""
+    middle = build.vector("ABSOLUTE", build.vector("SUBTRACT", build.vector("FRACTION", place), (0.5,) * 3))
+    edge = build.vector("DIVIDE", build.vector("SUBTRACT", (half,) * 3, middle), softness)
+    ramp = build.node("ShaderNodeMapRange", {"Vector": edge, "From_Min_FLOAT3": (-0.5,) * 3, "From_Max_FLOAT3": (0.5,) * 3},
+                      data_type="FLOAT_VECTOR", interpolation_type="SMOOTHSTEP")
+    return build.components(socket_of(ramp.outputs, "Vector"))
 
 
-def _window(build, x, y, softness, seed, time, name):
-    return build.math("MULTIPLY", _pane(build, x, gobo.PANE, softness), _pane(build, y, gobo.PANE, softness))
+def _window(build, place, softness, seed, time, name):
+    x, y, _ = _panes(build, place, gobo.PANE, softness)
+    return build.math("MULTIPLY", x, y)
 
 
-def _blinds(build, x, y, softness, seed, time, name):
-    return _pane(build, y, gobo.SLAT, softness)
+def _blinds(build, place, softness, seed, time, name):
+    return _panes(build, place, gobo.SLAT, softness)[1]
 
 
-def _noise(build: Tree, x: Socket, y: Socket, z: Socket, detail: float, seed: int) -> Socket:
-    place = build.vector("ADD", build.combine(x, y, z), tuple(noise.seed_offset(seed)))
+def _rising(build: Tree, place: Socket, rate: float, time: Socket) -> Socket:
+    return build.vector("MULTIPLY_ADD", (0.0, 0.0, rate), time, place)
+
+
+def _noise(build: Tree, place: Socket, rise: float, detail: float, seed: int) -> Socket:
+    offset = noise.seed_offset(seed)
     return build.node("ShaderNodeTexNoise", {
-        "Vector": place, "Scale": 1.0, "Detail": detail, "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0,
+        "Vector": build.vector("ADD", place, (offset[0], offset[1], offset[2] + rise)), "Scale": 1.0, "Detail": detail,
+        "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0,
     }, noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
 
 
-def _leaves(build, x, y, softness, seed, time, name):
-    value = _noise(build, x, y, build.math("MULTIPLY", time, gobo.LEAF_RATE), gobo.LEAF_DETAIL, seed)
+def _leaves(build, place, softness, seed, time, name):
+    value = _noise(build, _rising(build, place, gobo.LEAF_RATE, time), 0.0, gobo.LEAF_DETAIL, seed)
     return _ramp(build, build.math("SUBTRACT", value, gobo.LEAF_LEVEL), build.math("MULTIPLY", softness, gobo.LEAF_EDGE))
 
 
-def _water(build, x, y, softness, seed, time, name):
+def _water(build, place, softness, seed, time, name):
     width = build.math("MULTIPLY_ADD", softness, gobo.WATER_SOFTER, gobo.WATER_LINE)
+    place = _rising(build, place, gobo.WATER_RATE, time)
     total: Any = gobo.WATER_FLOOR
     for layer in range(gobo.WATER_LAYERS):
-        rise = build.math("MULTIPLY_ADD", time, gobo.WATER_RATE, gobo.WATER_STEP * layer)
-        line = build.math("DIVIDE", build.math("MULTIPLY_ADD", _noise(build, x, y, rise, 0.0, seed + layer), 2.0, -1.0), width)
-        bright = build.math("EXPONENT", build.math("MULTIPLY", build.math("MULTIPLY", line, line), -1.0))
+        value = _noise(build, place, gobo.WATER_STEP * layer, 0.0, seed + layer)
+        line = build.math("DIVIDE", build.math("MULTIPLY_ADD", value, 2.0, -1.0), width)
+        bright = build.math("POWER", math.exp(-1.0), build.math("MULTIPLY", line, line))
         total = build.math("MULTIPLY_ADD", bright, 1.0 / gobo.WATER_LAYERS, total, clamp=True)
     return total
 
 
-def _stained_glass(build, x, y, softness, seed, time, name):
+def _stained_glass(build, place, softness, seed, time, name):
+    """The nearest of nine points gives the colour, and the second nearest the lead between them.
+
+    Squares of distances are kept as vectors, one for each column of cells, whose lanes are the cells below, here and above.
+    """
     points, colors = gobo.cells(seed)
-    table, glass = (packed(f"{name} {what}", pixels) for what, pixels in (
-        ("cells", np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=-1)), ("glass", colors)))
-
-    def looked_up(image: bpy.types.Image, cell: Socket) -> Socket:
-        share = 1.0 / gobo.PERIOD
-        place = build.vector("MULTIPLY_ADD", cell, (share, share, share), (0.5 * share, 0.5 * share, 0.0))
-        node = build.node("ShaderNodeTexImage", {"Vector": place}, image=image, interpolation="Closest", extension="REPEAT")
-        return socket_of(node.outputs, "Color")
-
-    here = build.combine(x, y, 0.0)
-    own = build.vector("FLOOR", here)
-    first, second, nearest = None, None, None
-    for di in (-1.0, 0.0, 1.0):
-        for dj in (-1.0, 0.0, 1.0):
-            cell = build.vector("ADD", own, (di, dj, 0.0))
-            distance = build.scalar("DISTANCE", build.vector("ADD", cell, looked_up(table, cell)), here)
-            if first is None:
-                first, second, nearest = distance, 1e9, cell
-                continue
-            nearer = build.math("LESS_THAN", distance, first)
-            second = build.math("MINIMUM", build.math("MAXIMUM", first, distance), second)
-            nearest = build.vector("MULTIPLY_ADD", build.vector("SUBTRACT", cell, nearest), nearer, nearest)
-            first = build.math("MINIMUM", first, distance)
-    lead = build.math("SUBTRACT", build.math("SUBTRACT", second, first), gobo.LEAD)
-    return build.scale(looked_up(glass, nearest), _ramp(build, lead, softness))
+    share = 1.0 / gobo.PERIOD
+    here = build.vector("MULTIPLY_ADD", build.vector("FLOOR", place), (share,) * 3, (0.5 * share, 0.5 * share, 0.0))
+    columns = _columns(build, points, here, build.vector("FRACTION", place), name)
+    rows, nearest, second = _two_least(build, *columns)
+    between = build.math("MULTIPLY", build.math("ADD", nearest, second), 0.5)
+    # Where the nearest is, the sign is -1, and 1 elsewhere.
+    left, _, right = columns
+    left, right, rows = (build.vector("SIGN", build.vector("SUBTRACT", squares, between)) for squares in (left, right, rows))
+    aside = build.combine(build.scalar("DOT_PRODUCT", build.vector("SUBTRACT", left, right), (0.5 * share,) * 3),
+                          build.scalar("DOT_PRODUCT", rows, (0.5 * share, 0.0, -0.5 * share)), 0.0)
+    color = _looked_up(build, packed(f"{name} glass", colors), build.vector("ADD", here, aside))
+    gap = build.math("SUBTRACT", build.math("SQRT", second), build.math("SQRT", nearest))
+    return build.scale(color, _ramp(build, build.math("SUBTRACT", gap, gobo.LEAD), softness))
 
 
-def _image(build: Tree, x: Socket, y: Socket, aspect: float, values: Mapping[str, Any], name: str) -> Socket:
+def _columns(build: Tree, points: np.ndarray, here: Socket, within: Socket, name: str) -> list[Socket]:
+    """Squares of the distances to the points of three cells each, at the left, here and at the right."""
+    share = 1.0 / gobo.PERIOD
+    below_to_above = np.stack([np.roll(points, -step, axis=0) + (0.0, step) for step in (-1, 0, 1)], axis=-1)
+    across, up = (packed(f"{name} cells {axis}", below_to_above[:, :, k]) for k, axis in enumerate("xy"))
+    x, y, _ = build.components(within)
+    result = []
+    for step in (-1, 0, 1):
+        cell = build.vector("ADD", here, (share * step, 0.0, 0.0)) if step else here
+        dx = build.vector("SUBTRACT", _looked_up(build, across, cell), build.math("SUBTRACT", x, step) if step else x)
+        dy = build.vector("SUBTRACT", _looked_up(build, up, cell), y)
+        result.append(build.vector("MULTIPLY_ADD", dx, dx, build.vector("MULTIPLY", dy, dy)))
+    return result
+
+
+def _two_least(build: Tree, a: Socket, b: Socket, c: Socket) -> tuple[Socket, Socket, Socket]:
+    """The least of three vectors in each lane, the least of all their numbers and the second least."""
+    low, high = build.vector("MINIMUM", a, b), build.vector("MAXIMUM", a, b)
+    lanes, others = build.vector("MINIMUM", low, c), build.vector("MINIMUM", high, build.vector("MAXIMUM", low, c))
+    x, y, z = build.components(lanes)
+    pairs = build.vector("MAXIMUM", lanes, build.combine(y, z, x))  # the least of these is the lanes' second least
+    return lanes, build.math("MINIMUM", build.math("MINIMUM", x, y), z), build.least(build.vector("MINIMUM", others, pairs))
+
+
+def _looked_up(build: Tree, image: bpy.types.Image, place: Socket) -> Socket:
+    """The pixel of a cell, given by its middle as a share of the period."""
+    node = build.node("ShaderNodeTexImage", {"Vector": place}, image=image, interpolation="Closest", extension="REPEAT")
+    return socket_of(node.outputs, "Color")
+
+
+def _image(build: Tree, place: Socket, aspect: float, values: Mapping[str, Any], name: str) -> Socket:
     """The file's picture at its resolution in the beam, bilinear between its pixels."""
     pixels = gobo.resampled(pictures.read("gobo_image", values["gobo_image"]), aspect=aspect,
                             resolution=values["gobo_resolution"])
-    place = build.combine(build.math("MULTIPLY_ADD", x, 0.5 / aspect, 0.5), build.math("MULTIPLY_ADD", y, 0.5, 0.5), 0.0)
+    place = build.vector("MULTIPLY_ADD", place, (0.5 / aspect, 0.5, 0.0), (0.5, 0.5, 0.0))
     node = build.node("ShaderNodeTexImage", {"Vector": place}, image=packed(f"{name} picture", pixels[::-1]),
                       interpolation="Linear", extension="REPEAT")
     return socket_of(node.outputs, "Color")

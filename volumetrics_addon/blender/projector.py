@@ -22,6 +22,7 @@ from .nodes import Tree, arrange, socket_of
 MASK_DISTANCE = 0.02  # of the light's reach: beyond EEVEE's nearest shadow caster (see plan.rules.light_threshold)
 CONE_MARGIN = math.radians(0.5)  # by which the spot's cone is wider than the corners of the frustum
 Gobo = bpy.types.Image | bpy.types.NodeTree | None
+AHEAD = (0.0, 0.0, -1.0)  # the way that a light looks
 CHANNELS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -79,27 +80,29 @@ def add(light: Projector, name: str, collection: bpy.types.Collection, engine: s
 
 
 def transmission(build: Tree, light: Projector, image: Gobo, direction: bpy.types.NodeSocket) -> tuple:
-    """The frustum's soft edge (a number), and the gobo's colour or None, along a direction in the light's frame."""
+    """The frustum's soft edge (a number), and the gobo's colour or None, along a direction in the light's frame.
+
+    The place (u, v) in the frustum is a vector; so is the gobo's.
+    """
     wide, high = slopes(light)
-    x, y, z = build.components(direction)
-    ahead = build.math("MAXIMUM", build.math("MULTIPLY", z, -1.0), 1e-9)
-    u = build.math("DIVIDE", x, build.math("MULTIPLY", ahead, wide))
-    v = build.math("DIVIDE", y, build.math("MULTIPLY", ahead, high))
+    ahead = build.math("MAXIMUM", build.scalar("DOT_PRODUCT", direction, AHEAD), 1e-9)
+    uv = build.vector("DIVIDE", build.vector("MULTIPLY", direction, (1.0 / wide, 1.0 / high, 0.0)), ahead)
     if light.elliptic:
-        radius = build.scalar("LENGTH", build.combine(u, v, 0.0))
+        radius = build.scalar("LENGTH", uv)
     else:
-        radius = build.math("MAXIMUM", build.math("ABSOLUTE", u), build.math("ABSOLUTE", v))
+        u, v, _ = build.components(build.vector("ABSOLUTE", uv))
+        radius = build.math("MAXIMUM", u, v)
     if light.blend > 0.0:
-        edge = build.node("ShaderNodeMapRange", {"Value": build.math("SUBTRACT", 1.0, radius), "From Min": 0.0,
-                                                 "From Max": light.blend}, interpolation_type="SMOOTHSTEP").outputs[0]
+        edge = build.node("ShaderNodeMapRange", {"Value": radius, "From Min": 1.0 - light.blend, "From Max": 1.0, "To Min": 1.0,
+                                                 "To Max": 0.0}, interpolation_type="SMOOTHSTEP").outputs[0]
     else:
         edge = build.math("LESS_THAN", radius, 1.0)
     if image is None:
         return edge, None
     if isinstance(image, bpy.types.NodeTree):
-        node = build.node("ShaderNodeGroup", {0: build.combine(build.math("MULTIPLY", u, wide / high), v, 0.0)}, node_tree=image)
+        node = build.node("ShaderNodeGroup", {0: build.vector("MULTIPLY", uv, (wide / high, 1.0, 0.0))}, node_tree=image)
         return edge, node.outputs[0]
-    place = build.combine(build.math("MULTIPLY_ADD", u, 0.5, 0.5), build.math("MULTIPLY_ADD", v, 0.5, 0.5), 0.0)
+    place = build.vector("MULTIPLY_ADD", uv, (0.5,) * 3, (0.5, 0.5, 0.0))
     node = build.node("ShaderNodeTexImage", {"Vector": place}, image=image, interpolation="Linear", extension="EXTEND")
     return edge, socket_of(node.outputs, "Color")
 
@@ -112,7 +115,7 @@ def _light_nodes(data: bpy.types.Light, light: Projector, image: Gobo) -> None:
     strength, color = transmission(build, light, image, direction)
     if light.near > 0.0 or math.isfinite(light.far):
         way = socket_of(build.node("ShaderNodeLightPath").outputs, "Ray Length")
-        depth = build.math("MULTIPLY", way, build.math("MULTIPLY", build.components(direction)[2], -1.0))
+        depth = build.math("MULTIPLY", way, build.scalar("DOT_PRODUCT", direction, AHEAD))
         if light.near > 0.0:
             strength = build.math("MULTIPLY", strength, build.math("GREATER_THAN", depth, light.near))
         if math.isfinite(light.far):
