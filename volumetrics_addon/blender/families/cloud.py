@@ -85,77 +85,75 @@ def _droplets(build: Tree, albedo: Any, extinction: Any, diameter: Any, octave: 
 def noise_density(build: Tree, inputs: Sockets, values: Mapping[str, Any], shape: Box | Ellipsoid) -> bpy.types.NodeSocket:
     """scene.model.NoiseShape as nodes; object coordinates are metres from the domain's centre."""
     position = socket_of(build.node("ShaderNodeTexCoord").outputs, "Object")
-    local = build.components(build.vector("DIVIDE", position, shape.half))
     moved = build.vector("SUBTRACT", position, build.scale(inputs["wind"], inputs["time"]))
     moved = build.vector("DIVIDE", moved, build.combine(inputs["stretch"], 1.0, 1.0))
     offset = build.vector("MODULO", build.scale(noise.SEED_STEP, inputs["seed"]), (noise.SEED_PERIOD,) * 3)
 
     def coordinates(size: bpy.types.NodeSocket, rise: float) -> bpy.types.NodeSocket:
-        lifted = build.combine(0.0, 0.0, build.math("MULTIPLY", inputs["evolution"], -rise))
-        scaled = build.scale(moved, build.math("DIVIDE", 1.0, size))
-        return build.vector("ADD", build.vector("ADD", scaled, offset), lifted)
+        lifted = build.vector("MULTIPLY_ADD", (0.0, 0.0, -rise), inputs["evolution"], offset)
+        return build.vector("ADD", build.vector("DIVIDE", moved, size), lifted)
 
     perlin = build.node("ShaderNodeTexNoise", {
         "Vector": coordinates(inputs["noise_size"], noise.EVOLUTION_RISE), "Scale": 1.0, "Detail": inputs["noise_detail"],
         "Roughness": inputs["noise_roughness"], "Lacunarity": 2.0, "Distortion": 0.0,
     }, noise_dimensions="3D", noise_type="FBM", normalize=True)
     centred = build.math("MULTIPLY_ADD", perlin.outputs[0], 2.0, -1.0)
-    distance = _outline(build, values["profile"], *local)
-    body = build.math("SUBTRACT", inputs["fill"], distance)
-    margin = build.math("MULTIPLY_ADD", inputs["noise_strength"], centred, body)
+    margin = build.math("MULTIPLY_ADD", inputs["noise_strength"], centred, inputs["fill"])
     if values["billow_octaves"] > 0:
         bulge = _billows(build, coordinates(inputs["billow_size"], noise.BILLOW_RISE), values["billow_octaves"],
                          inputs["billow_roughness"])
         margin = build.math("MULTIPLY_ADD", inputs["billow_strength"], bulge, margin)
-    margin = build.math("MINIMUM", margin, build.math("SUBTRACT", 1.0, distance))
+    # x and y from -1 to 1 across the domain, z from 0 to 1 up it.
+    x, y, z = shape.half
+    place = build.vector("MULTIPLY_ADD", position, (1.0 / x, 1.0 / y, 0.5 / z), (0.0, 0.0, 0.5))
+    margin = build.math("SUBTRACT", build.math("MINIMUM", margin, 1.0), _outline(build, values["profile"], place))
     density = build.math("DIVIDE", margin, inputs["softness"], clamp=True)
     if values["base"] > 0.0:
-        up = build.math("MULTIPLY_ADD", local[2], 0.5, 0.5)
+        up = build.components(place)[2]
         floor = build.node("ShaderNodeMapRange", {"Value": up, "From Min": 0.0, "From Max": values["base"]},
                            interpolation_type="SMOOTHSTEP")
         density = build.math("MULTIPLY", density, floor.outputs[0])
     return density
 
 
-def _outline(build: Tree, profile: str, x: Any, y: Any, z: Any) -> bpy.types.NodeSocket:
-    """NoiseShape's distance from the middle of the body."""
-    def power(value: Any, exponent: float) -> bpy.types.NodeSocket:
-        return build.math("POWER", value, exponent)
-
-    def root_of_sum(*terms: Any, exponent: float = 0.5) -> bpy.types.NodeSocket:
-        return power(build.math("ADD", *terms), exponent)
-
-    across = build.math("MULTIPLY_ADD", x, x, build.math("MULTIPLY", y, y))
-    if profile in ("round", "layer"):
-        flat = across if profile == "round" else power(across, 4.0)
-        return root_of_sum(flat, build.math("MULTIPLY", z, z))
-    up = build.math("MULTIPLY_ADD", z, 0.5, 0.5)
+def _outline(build: Tree, profile: str, place: Any) -> bpy.types.NodeSocket:
+    """NoiseShape's distance from the middle of the body, at x and y from -1 to 1 and a height z from 0 to 1."""
     if profile == "dome":
-        return root_of_sum(across, build.math("MULTIPLY", up, up))
-    narrow = across if profile == "tower" else build.math("DIVIDE", across, noise.COLUMN_WIDTH**2)
-    column = root_of_sum(build.math("MULTIPLY", narrow, narrow), power(up, 4.0), exponent=0.25)
+        return build.scalar("LENGTH", place)
+    if profile == "round":
+        return build.scalar("LENGTH", build.vector("MULTIPLY_ADD", place, (1.0, 1.0, 2.0), (0.0, 0.0, -1.0)))
+    x, y, up = build.components(place)
+    across2 = build.math("MULTIPLY_ADD", x, x, build.math("MULTIPLY", y, y))
+
+    def root_of_sum(height: Any, rest: Any) -> bpy.types.NodeSocket:
+        return build.math("SQRT", build.math("MULTIPLY_ADD", height, height, rest))
+
+    if profile == "layer":
+        return root_of_sum(build.math("MULTIPLY_ADD", up, 2.0, -1.0), build.math("POWER", across2, 4.0))
+    narrow = across2 if profile == "tower" else build.math("MULTIPLY", across2, noise.COLUMN_WIDTH**-2)
+    column = build.math("SQRT", root_of_sum(narrow, build.math("POWER", up, 4.0)))
     if profile == "tower":
         return column
-    level = build.math("DIVIDE", build.math("SUBTRACT", up, noise.ANVIL_HEIGHT), noise.ANVIL_THICKNESS)
-    return build.math("MINIMUM", column, root_of_sum(across, build.math("MULTIPLY", level, level)))
+    level = build.math("MULTIPLY_ADD", up, 1.0 / noise.ANVIL_THICKNESS, -noise.ANVIL_HEIGHT / noise.ANVIL_THICKNESS)
+    return build.math("MINIMUM", column, root_of_sum(level, across2))
 
 
 def _billows(build: Tree, coordinates: Any, octaves: int, roughness: Any) -> bpy.types.NodeSocket:
-    """NoiseShape's b: one texture an octave, since the texture's own octaves add distances, whose cones have tips."""
-    total: Any = None
-    weight: Any = 1.0
+    """NoiseShape's b: one texture an octave, since the texture's own octaves add distances, whose cones have tips.
+
+    The sums of squares and of weights, powers of the roughness, are made from the last octave to the first.
+    """
+    total: Any = 0.0
     weights: Any = 0.0
-    for octave in range(octaves):
+    for octave in reversed(range(octaves)):
         cells = build.node("ShaderNodeTexVoronoi", {"Vector": coordinates, "Scale": 2.0**octave, "Detail": 0.0,
                                                     "Randomness": 1.0},
                            voronoi_dimensions="3D", feature="F1", distance="EUCLIDEAN", normalize=False)
         distance = socket_of(cells.outputs, "Distance")
-        squared = build.math("MULTIPLY", distance, distance)
-        if octave == 0:
-            total, weights = squared, 1.0
+        if octave == octaves - 1:
+            total, weights = build.math("MULTIPLY", distance, distance), 1.0
         else:
-            weight = build.math("MULTIPLY", weight, roughness) if octave > 1 else roughness
-            total = build.math("MULTIPLY_ADD", weight, squared, total)
-            weights = build.math("ADD", weights, weight)
+            total = build.math("MULTIPLY_ADD", distance, distance, build.math("MULTIPLY", total, roughness))
+            weights = build.math("MULTIPLY_ADD", weights, roughness, 1.0)
     mean = build.math("DIVIDE", total, weights) if octaves > 1 else total
     return build.math("SUBTRACT", noise.BILLOW_MEAN, mean)
