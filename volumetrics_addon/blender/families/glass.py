@@ -89,10 +89,15 @@ def _round(build: Tree, ior: Index, shape: Ellipsoid, fields: Fields, sigma: Soc
 
 
 def _ball(build: Tree, sigma: Socket, r: Socket, chord: Socket) -> Body:
-    """T = (1 - r)^2 t / (1 - r t)."""
+    return chord, r, _passed(build, sigma, r, chord)[0]
+
+
+def _passed(build: Tree, sigma: Socket, r: Socket, chord: Socket) -> tuple[Socket, Socket]:
+    """(1 - r)^2 t / (1 - r t), and r t."""
     t = transmitted(build, sigma, chord)
-    lost = build.vector("SUBTRACT", ONE, build.vector("MULTIPLY", t, r))
-    return chord, r, build.vector("DIVIDE", build.vector("MULTIPLY", t, square(build, one_minus(build, r))), lost)
+    mirrored = build.vector("MULTIPLY", t, r)
+    entered = build.vector("MULTIPLY", t, square(build, one_minus(build, r)))
+    return build.vector("DIVIDE", entered, build.vector("SUBTRACT", ONE, mirrored)), mirrored
 
 
 def _shell(build: Tree, ior: Index, cavity: Ellipsoid, sigma: Socket, r: Socket, position: Socket, back: Socket,
@@ -101,30 +106,25 @@ def _shell(build: Tree, ior: Index, cavity: Ellipsoid, sigma: Socket, r: Socket,
 
     A wall, a plate between r and r', transmits a = (1 - r)(1 - r') w / (1 - r r' t); it mirrors b = r + c, with
     c = (1 - r)^2 r' t / (1 - r r' t), outwards and b' = r' + (1 - r')^2 r t / (1 - r r' t) into the cavity. Both walls:
-    T = a^2 / (1 - b'^2), R = b + a^2 b' / (1 - b'^2). Where the line misses the cavity or is totally reflected there, r' = 1
-    and c leaves on the far side: T = c, R = r.
+    T = a^2 / (1 - b'^2), R = b + a^2 b' / (1 - b'^2). With the ball's T, B = (1 - r)^2 t / (1 - r t), these come to
+    T = B (1 - r') / (1 + r' + (1 - 3 r') r t), R = r + B - T. Where the line misses the cavity or is totally reflected there,
+    all of B leaves on the far side: T = B, R = r.
     """
-    p, b = (build.vector("DIVIDE", v, cavity.half) for v in (position, back))
+    p, line = (build.vector("DIVIDE", v, cavity.half) for v in (position, back))
     # Squared sine of the line at the cavity: its least distance there, in radii.
-    aside = build.vector("SUBTRACT", p, build.vector("PROJECT", p, b))
+    aside = build.vector("SUBTRACT", p, build.vector("PROJECT", p, line))
     sine2 = build.scalar("DOT_PRODUCT", aside, aside)
-    half = build.math("SQRT", build.math("DIVIDE", one_minus(build, sine2), build.scalar("DOT_PRODUCT", b, b)))  # 0 beside it
+    half2 = build.math("DIVIDE", one_minus(build, sine2), build.scalar("DOT_PRODUCT", line, line))
+    half = build.math("SQRT", half2)  # 0 beside the cavity
     path = build.math("MULTIPLY_ADD", half, -2.0, chord)
     outside2 = one_minus(build, build.math("MULTIPLY", sine2, ior.square))
     blocked, cosine = build.math("LESS_THAN", outside2, 0.0), build.math("SQRT", outside2)
-    inner = build.math("MAXIMUM", reflectance(build, cosine, inside(build, cosine, ior), ior), blocked)
-    enters, leaves = square(build, one_minus(build, r)), square(build, one_minus(build, inner))
-    t = transmitted(build, sigma, path)
-    turns = build.vector("SUBTRACT", ONE, build.scale(t, build.math("MULTIPLY", r, inner)))  # 1 - r r' t
-    once = build.vector("DIVIDE", t, turns)
-    a2 = build.vector("DIVIDE", build.scale(once, build.math("MULTIPLY", enters, leaves)), turns)
-    c = build.scale(once, build.math("MULTIPLY", enters, inner))
-    back = build.vector("ADD", build.scale(once, build.math("MULTIPLY", leaves, r)), inner)
-    # A division by zero gives 0, as a does.
-    crossed = build.vector("DIVIDE", a2, build.vector("SUBTRACT", ONE, build.vector("MULTIPLY", back, back)))
-    far = build.scale(c, blocked)
-    near = build.vector("ADD", build.vector("SUBTRACT", c, far), r)
-    return path, build.vector("MULTIPLY_ADD", crossed, back, near), build.vector("ADD", crossed, far)
+    inner = reflectance(build, cosine, inside(build, cosine, ior), ior)
+    leaves, mirrored = _passed(build, sigma, r, path)
+    turns = build.vector("MULTIPLY_ADD", mirrored, build.math("MULTIPLY_ADD", inner, -3.0, 1.0), build.math("ADD", inner, 1.0))
+    share = build.vector("MAXIMUM", build.vector("DIVIDE", one_minus(build, inner), turns), blocked)
+    through = build.vector("MULTIPLY", leaves, share)
+    return path, build.vector("SUBTRACT", build.vector("ADD", leaves, r), through), through
 
 
 def _block(build: Tree, ior: Index, shape: Box, fields: Fields, sigma: Socket, r: Socket, position: Socket, back: Socket) -> Body:
