@@ -2,7 +2,8 @@
 """Stock settings against planned ones: seconds at equal error for scenes the way users make them, side by side in one run.
 
     python scripts/bench_plan.py [SCENE ...] [--engine cycles|eevee] [--size 48] [--repeats 3] [--error 0.03] [--limit 20]
-        [--truth 120] [--converged 64] [--alone] [--only RULES] [--without RULES] [--out bench/plan.csv] [--table FILE]
+        [--truth 120] [--converged 64] [--finest 1,256] [--pilot] [--clock] [--alone] [--only RULES] [--without RULES]
+        [--out bench/plan.csv] [--table FILE]
 
 Stock: the scene's own settings, Blender's start-up ones plus what its tutorial sets. Planned: the same scene after the planner.
 Denoising is off for both, since it hides the noise that is compared; samples climb a ladder by fours, stock and planned taking
@@ -19,9 +20,11 @@ bias is the mean of the converged planned picture over that of the converged sto
 noise threshold, also that of --means pictures of the ladder's last rung, adaptive sampling on.
 
 EEVEE keeps media in froxels, cells of the screen, and is off by their width, however many its samples. Its truth is what ever finer
-cells and more samples come to, with all of the scene's own settings besides: cells of one pixel, 256 steps and --converged samples; of
+cells and more samples come to, with all of the scene's own settings besides: cells of one pixel, 256 steps (or those of --finest), the
+largest memory for shadows and --converged samples; of
 an animation it takes the middle frame. Stock is the start-up file's 64 samples, planned what the plan sets; and the first rung of each
-ladder that is as good as stock is read too. The bias is the mean of the planned picture with --converged samples over that of the truth.
+ladder that is as good as stock is read too. With --pilot the plan may render one, whose seconds are then its own; with --clock gains are
+those of the clock, as where a GPU renders. The bias is the mean of the planned picture with --converged samples over that of the truth.
 """
 
 from __future__ import annotations
@@ -47,7 +50,7 @@ from volumetrics_addon.bench import usual  # noqa: E402
 from volumetrics_addon.bench.equal_error import (  # noqa: E402
     Rung, at_error, common_error, rms, seconds_at_size, soonest,
 )
-from volumetrics_addon.blender import compat, render, settings, tuning  # noqa: E402
+from volumetrics_addon.blender import compat, render, settings, stage, tuning  # noqa: E402
 from volumetrics_addon.compare.statistics import Estimate, compare  # noqa: E402
 from volumetrics_addon.plan import tuning as tuned  # noqa: E402
 from volumetrics_addon.plan.model import CYCLES, EEVEE  # noqa: E402
@@ -56,7 +59,7 @@ FULL_HD, LARGE = 1920 * 1080, "planned for HD"
 FEWEST_SAMPLES, USUAL_SAMPLES = 4, 256  # of a pixel, for which the rules are listed: of a small picture, and of a large one
 IDLE = {"persistent data", "passes"}  # rules that change nothing of a single picture
 STOCK_EEVEE_SAMPLES = 64
-FINEST = {"eevee.volumetric_tile_size": "1", "eevee.volumetric_samples": 256}  # froxels of EEVEE's truth
+FINEST = "1,256"  # pixels across a froxel of EEVEE's truth, and their number along the view
 MOST_SAMPLES = 16384
 AS_GOOD = 1.01  # times an error
 LONG = 3.0  # processor seconds of a picture that is taken once
@@ -75,8 +78,13 @@ class Way:
 class Bench:
     """One scene in one engine: builds it, applies ways, takes pictures."""
 
-    def __init__(self, scene: usual.UsualScene, engine: str, size: int, without: tuple[str, ...], most: int):
-        self.usual, self.engine, self.without, self.most = scene, engine, without, most
+    def __init__(self, scene: usual.UsualScene, engine: str, size: int, without: tuple[str, ...], most: int, finest: str = FINEST,
+                 pilot: bool = False):
+        self.usual, self.engine, self.without, self.most, self.pilot = scene, engine, without, most, pilot
+        tile, slices = words(finest)
+        self.finest = {"eevee.volumetric_tile_size": tile, "eevee.volumetric_samples": int(slices),
+                       "eevee.shadow_pool_size": tuned.LARGEST_POOL}
+        self.piloted: tuple[list, tuple[float, float]] | None = None  # EEVEE's plan with a pilot, and the seconds of that
         self.width, self.height = size, max(1, round(size * 9 / 16))
         self.frames = scene.frames if engine == CYCLES else scene.frames[len(scene.frames) // 2:][:1]
         self.built: bpy.types.Scene | None = None
@@ -106,9 +114,16 @@ class Bench:
         if way.rules == ():
             yield scene, (0.0, 0.0)
             return
-        advice, without = self._timed_plan(scene, samples, way.pixels, False)
         seconds = 0.0, 0.0
-        if pilot and not way.pixels and (way.rules is None or tuning.NOISE_RULE in way.rules):
+        if self.engine == EEVEE and self.pilot:
+            if not self.piloted:
+                plain = self._timed_plan(scene, samples, way.pixels, False)[1]
+                advice, taken = self._timed_plan(scene, samples, way.pixels, True)
+                self.piloted = advice, tuple(max(0.0, more - less) for more, less in zip(taken, plain))
+            advice, seconds = self.piloted
+        else:
+            advice, without = self._timed_plan(scene, samples, way.pixels, False)
+        if self.engine == CYCLES and pilot and not way.pixels and (way.rules is None or tuning.NOISE_RULE in way.rules):
             advice, taken = self._timed_plan(scene, samples, way.pixels, True)
             seconds = tuple(max(0.0, more - less) for more, less in zip(taken, without))
         tuning.apply(scene, [one for one in advice if way.rules is None or one.rule.name in way.rules])
@@ -131,20 +146,22 @@ class Bench:
                 scene.cycles.use_adaptive_sampling = False
                 scene.render.use_persistent_data = False
             cpu, wall = time.process_time(), time.perf_counter()
-            frames = []
+            frames, heard = [], []
             for frame in self.frames:
                 if len(self.usual.frames) > 1:
                     scene.frame_set(frame)
-                frames.append(render.render_built(scene, self.width, self.height, seed=seed)[0])
+                frames.append(render.render_built(scene, self.width, self.height, seed=seed, heard=heard)[0])
             seconds = time.process_time() - cpu + pilot[0], time.perf_counter() - wall + pilot[1]
             scene.eevee.taa_render_samples = own
+        if full := next((line for line in heard if stage.SHADOWS_FULL.search(line)), ""):
+            say(f"   {way.name}: {full}")
         return np.concatenate(frames), *seconds
 
     def converged(self, way: Way, budget: float) -> np.ndarray:
         """Pictures (k, ...) of consecutive seeds that take about the budget of processor seconds together; of EEVEE one."""
         if self.engine == EEVEE:
             self.shoot(way, 1)  # compiles
-            before = settings.apply(self.built, FINEST)
+            before = settings.apply(self.built, self.finest)
             picture = self.shoot(way, self.most)[0]
             settings.restore(self.built, before)
             return picture[None]
@@ -159,7 +176,7 @@ class Bench:
         """The converged stock pictures, from their file or rendered and kept there."""
         source = inspect.getsource(usual).partition("# --- the scenes")[0] + inspect.getsource(self.usual.fill)
         digest = hashlib.sha256(repr((source, self.frames, bpy.app.version_string, self.engine, self.width, self.height,
-                                      budget if self.engine == CYCLES else (self.most, FINEST))).encode()).hexdigest()[:12]
+                                      budget if self.engine == CYCLES else (self.most, self.finest))).encode()).hexdigest()[:12]
         path = folder / f"{self.engine}-{self.usual.name}-{digest}.npz"
         if path.exists():
             with np.load(path) as stored:
@@ -206,12 +223,13 @@ def row(bench: Bench, way: Way, stock: Way, bias: tuple[float, float, float], wa
 
 def measure_eevee(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     """Stock and planned with their own samples, and the fewest of each with which they are as good as stock."""
-    rules = list(dict.fromkeys(one.rule.name for one in bench.plan()))
-    say(f"## {bench.usual.name}, {bench.engine}, Blender {bpy.app.version_string}: {', '.join(rules) or 'nothing to plan'}")
     stock, planned = Way("stock", ()), Way("planned", arguments.only)
-    truth = bench.truth(0.0, arguments.out.parent / "truth")[0]
     for way in (stock, planned):
         bench.shoot(way, 1)  # compiles
+    rules = list(dict.fromkeys(one.rule.name for one in (bench.piloted[0] if bench.piloted else bench.plan())))
+    say(f"## {bench.usual.name}, {bench.engine}, Blender {bpy.app.version_string}: {', '.join(rules) or 'nothing to plan'}")
+    truth = bench.truth(0.0, arguments.out.parent / "truth")[0]
+    seconds = (lambda rung: rung.wall) if arguments.clock else (lambda rung: rung.cpu)
 
     def shot(way: Way, samples: int | None) -> tuple[Rung, float]:
         pictures, cpu, wall = zip(*(bench.shoot(way, samples) for _ in range(arguments.repeats)))
@@ -232,10 +250,11 @@ def measure_eevee(bench: Bench, arguments: argparse.Namespace) -> list[dict]:
     firsts = [soonest([*way.ladder, start], start.error, AS_GOOD - 1.0) for way in (stock, planned)]
     found = {
         "scene": bench.usual.name, "engine": bench.engine, "version": bpy.app.version_string, "way": planned.name, "error": start.error,
-        "stock_cpu": start.cpu, "planned_error": own.error, "cpu": own.cpu, "gain": start.cpu / own.cpu, "gain_wall": start.wall / own.wall,
-        "equal_cpu": firsts[1].cpu, "gain_equal": start.cpu / firsts[1].cpu, "gain_ladder": firsts[0].cpu / firsts[1].cpu,
+        "stock_seconds": seconds(start), "planned_error": own.error, "seconds": seconds(own), "gain": seconds(start) / seconds(own),
+        "equal_seconds": seconds(firsts[1]), "gain_equal": seconds(start) / seconds(firsts[1]),
+        "gain_ladder": seconds(firsts[0]) / seconds(firsts[1]),
         "stock_mean": start_mean, "mean": own_mean, "bias": bias, "rules": ", ".join(rules)}
-    say(f"   => {found['gain']:.2f} x as fast with an error of {own.error:.1%} instead of {start.error:.1%}; as good in {firsts[1].cpu:.2f} s, "
+    say(f"   => {found['gain']:.2f} x as fast with an error of {own.error:.1%} instead of {start.error:.1%}; as good in {seconds(firsts[1]):.2f} s, "
         f"{found['gain_equal']:.2f} x as fast, and {found['gain_ladder']:.2f} x over the fewest samples of stock that are as good")
     return [found]
 
@@ -333,6 +352,9 @@ def main() -> None:
     parser.add_argument("--truth", type=float, default=120.0, help="processor seconds of a truth")
     parser.add_argument("--means", type=int, default=0, help="pictures from which the mean with a noise threshold is measured")
     parser.add_argument("--converged", type=int, default=64, help="samples of EEVEE's converged picture")
+    parser.add_argument("--finest", default=FINEST, metavar="PIXELS,STEPS", help="cells of EEVEE's truth: pixels across, and steps along the view")
+    parser.add_argument("--pilot", action="store_true", help="plan EEVEE with a pilot")
+    parser.add_argument("--clock", action="store_true", help="gains of EEVEE by the clock")
     parser.add_argument("--alone", action="store_true", help="measure each rule of the plan by itself too")
     parser.add_argument("--only", type=words, help="apply only these rules")
     parser.add_argument("--without", type=words, default=(), help="plan without these rules")
@@ -344,7 +366,8 @@ def main() -> None:
     rows = []
     for name in arguments.scenes:
         most = MOST_SAMPLES if arguments.engine == CYCLES else arguments.converged
-        rows += (measure if arguments.engine == CYCLES else measure_eevee)(Bench(usual.by_name(name), arguments.engine, arguments.size, arguments.without, most), arguments)
+        bench = Bench(usual.by_name(name), arguments.engine, arguments.size, arguments.without, most, arguments.finest, arguments.pilot)
+        rows += (measure if arguments.engine == CYCLES else measure_eevee)(bench, arguments)
         if rows:
             arguments.out.parent.mkdir(parents=True, exist_ok=True)
             with open(arguments.out, "w", newline="", encoding="utf-8") as file:

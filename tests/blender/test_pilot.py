@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pilots of a user's scene: the noise they tell, and the threshold that follows from it."""
+"""Pilots of a user's scene: the noise they tell, and the threshold that follows from it; the cells and shadows of EEVEE."""
 
 import json
 import math
@@ -11,8 +11,11 @@ bpy = pytest.importorskip("bpy")
 OpenEXR = pytest.importorskip("OpenEXR")
 
 from volumetrics_addon.bench import usual  # noqa: E402
-from volumetrics_addon.blender import files, observe, pilot, render, settings, stage, tuning  # noqa: E402
+from volumetrics_addon.blender import compat, files, observe, pilot, render, settings, stage, tuning  # noqa: E402
 from volumetrics_addon.cli.main import OK, USAGE, main  # noqa: E402
+from volumetrics_addon.plan.catalogue import RULES  # noqa: E402
+from volumetrics_addon.plan.observed import Cells  # noqa: E402
+from volumetrics_addon.plan.tuning import Advice, Change  # noqa: E402
 
 WIDTH, HEIGHT, SAMPLES = 64, 48, 256
 KEPT = ("cycles.samples", "cycles.use_adaptive_sampling", "cycles.adaptive_threshold", "cycles.use_denoising", "cycles.use_light_tree",
@@ -134,3 +137,71 @@ def test_a_picture_of_a_file_keeps_its_adaptive_sampling(spot):
         assert spot.cycles.use_adaptive_sampling and not spot.cycles.use_denoising
         assert "adaptive sampling off" not in {decision.effect for decision in on.decisions}
     assert spot.cycles.use_denoising
+
+
+# --- EEVEE --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def street():
+    """Six lamps in fog, in EEVEE."""
+    scene = usual.by_name("foggy-street").build()
+    scene.render.engine, scene.frame_end = compat.current().eevee, 1
+    scene.render.resolution_x, scene.render.resolution_y = 96, 54
+    yield scene
+    bpy.ops.wm.read_factory_settings()
+
+
+def advised(**values):
+    """Advice that changes these of EEVEE's settings."""
+    return [Advice(RULES["froxels"], tuple(Change("scenes", "", f"eevee.{name}", value) for name, value in values.items()), "", 0.0)]
+
+
+def test_eevee_says_when_shadows_have_no_memory(street, tmp_path, capsys):
+    """A pool of 16 MB has 64 pages of 256 x 256 depths."""
+    with stage.of_scene(street, "eevee") as on:
+        on.shoot(32, 18, 1)
+        assert on.heard and on.missing_shadows == ""
+    street.eevee.shadow_pool_size, street.eevee.volumetric_tile_size = "16", "1"
+    with stage.of_scene(street, "eevee") as on:
+        on.shoot(96, 54, 1)
+        assert on.shadow_pages[0] > on.shadow_pages[1] == 64 and "memory for 64 of" in on.missing_shadows
+    path, out = tmp_path / "street.blend", tmp_path / "x.exr"
+    files.save(path)
+    capsys.readouterr()
+    for asked in (["--samples", "1"], ["--error", "90%", "--max-samples", "64"]):
+        assert main(["render", str(path), "--size", "96", "--out", str(out), "--json", *asked]) == OK
+        told = capsys.readouterr()
+        assert "memory for 64 of" in json.loads(told.out)["notes"][-1]
+
+
+def test_a_pilot_of_eevee_tells_its_cells_and_noise(street):
+    """The error of the cells rather too little and the noise rather too much, against pictures of more samples; nothing where shadows
+    do not fit. Every value is back."""
+    kept = ("eevee.volumetric_tile_size", "eevee.volumetric_samples", "eevee.shadow_pool_size", "eevee.taa_render_samples",
+            "render.resolution_x", "render.resolution_y")
+    before = {path: settings.get(street, path) for path in kept}
+    found = pilot.cells(street, 96 * 54, advised(volumetric_tile_size="2", volumetric_samples=128))
+    assert pilot.cells(street, 96 * 54, advised(volumetric_tile_size="1", shadow_pool_size="16")) is None
+    assert {path: settings.get(street, path) for path in kept} == before
+    with stage.of_scene(street, "eevee") as on:
+        own = on.shoot(96, 54, 32)
+    with stage.of_scene(street, "eevee", changes={"eevee.volumetric_tile_size": "2", "eevee.volumetric_samples": 128}) as on:
+        few, many = (on.shoot(96, 54, samples) for samples in (8, 32))
+    error, noise_of_eight = (float(np.sqrt(np.mean((made - many) ** 2)) / many.mean()) for made in (own, few))
+    assert 0.3 * error < found.error < error
+    assert noise_of_eight < found.noise / math.sqrt(8) < 4.0 * noise_of_eight
+
+
+def test_a_plan_of_eevee_has_a_pilot_where_something_follows(street, monkeypatch):
+    asked = []
+    monkeypatch.setattr(tuning.pilots, "cells", lambda scene, pixels, advice: asked.append(pixels) or Cells(0.1, 0.1))
+    froxels = lambda **given: {change.path: change.value for found in tuning.plan(street, **given) if found.rule.name == "froxels"  # noqa: E731
+                               for change in found.changes}
+    assert froxels(pixels=96 * 54) == froxels(pixels=96 * 54, pilot=True) != {} and asked == []
+    assert froxels(pixels=1920 * 1080) == {} and asked == []
+    assert froxels(pixels=1920 * 1080, pilot=True)["eevee.shadow_pool_size"] == "1024" and asked == [1920 * 1080]
+    street.camera.keyframe_insert("location", frame=1)  # a camera that moves sees other shadows later
+    street.camera.location.x += 1.0
+    street.camera.keyframe_insert("location", frame=20)
+    assert froxels(pixels=1920 * 1080, pilot=True) == {} and len(asked) == 1

@@ -12,7 +12,7 @@ from scipy import stats
 
 from volumetrics_addon.plan import tuning, visibility
 from volumetrics_addon.plan.catalogue import RULES
-from volumetrics_addon.plan.observed import Lamp, Medium, Noise, Observed, Range, Solids, Substance, Survey, View
+from volumetrics_addon.plan.observed import Cells, Lamp, Medium, Noise, Observed, Range, Solids, Substance, Survey, View
 
 HAZE = Substance(Range(0.05, 0.05), 0.8, 0.0, False, False, 0.0)
 CLOUD = Substance(Range(0.0, 2.0), 0.9, 0.5, False, True, 0.5)
@@ -440,6 +440,23 @@ def test_froxels_stay_where_nothing_is_known_of_their_error():
     assert advice(replace(known, viewport=1500.0 * 900.0), "froxels") is None
     twelve = advice(replace(known, settings={**START_UP, "eevee.taa_render_samples": 12}), "froxels")
     assert changes(twelve)["", "eevee.taa_render_samples"] == 8  # never fewer
+
+
+def test_a_pilot_tells_whether_large_pictures_may_have_finer_froxels():
+    """By the noise that n samples have: 0.3 / sqrt(n), against three quarters of the squared error of the cells and the noise of 64."""
+    haze, full_hd = medium(half=4.0), {"engine": "eevee", "settings": START_UP, "pixels": 1920 * 1080, "dithers": False}
+    known = scene(haze, **full_hd, view=SEEN, cells=Cells(0.13, 0.3))
+    found = advice(known, "froxels")  # 0.3^2 / 8 = 0.0113 < 0.75 x 0.13^2 + 0.3^2 / 64 = 0.0141
+    assert changes(found) == {("", "eevee.volumetric_tile_size"): "4", ("", "eevee.taa_render_samples"): 8,
+                              ("", "eevee.volumetric_samples"): 128, ("", "eevee.shadow_pool_size"): "1024"}
+    noisier = advice(replace(known, cells=Cells(0.08, 0.3)), "froxels")  # 0.0113 > 0.0062 > 0.0056 of 16 samples
+    assert changes(noisier)["", "eevee.taa_render_samples"] == 16
+    for change in ({"cells": None}, {"cells": Cells(0.04, 0.3)}, {"viewport": 800.0 * 600.0}, {"pixels": 2560 * 1440},
+                   {"view": replace(SEEN, moves=True)}, {"lamps": (replace(lamp("a"), moves=True),)}, {"dithers": True}):
+        assert advice(replace(known, **change), "froxels") is None, change
+    # where nothing has to be tried, a pilot changes nothing
+    small = replace(known, pixels=480 * 270)
+    assert changes(advice(small, "froxels")) == changes(advice(replace(small, cells=None), "froxels"))
 
 
 def test_settings_that_bring_nothing_are_switched_off():

@@ -557,6 +557,8 @@ def _ladder(task: _Task, state: _State, file: Checkpoint, opened: Callable[[], A
             state.rounds.add(image)
             file.save(state, task.elapsed())
             task.progress(*_progress(task, state, took[-1:]))
+        if on.missing_shadows:
+            state.notes.append(on.missing_shadows)
 
 
 # --- bias -------------------------------------------------------------------------------------------------------------

@@ -98,22 +98,24 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def silenced(enabled: bool) -> Iterator[None]:
-    """Send what the engine prints, which no Blender option silences, to the null device."""
+def silenced(enabled: bool, heard: list[str] | None = None) -> Iterator[None]:
+    """Keep what the engine prints, which no Blender option silences, from the terminal; its lines are added to ``heard``."""
     if not enabled:
         yield
         return
     saved = [os.dup(descriptor) for descriptor in (1, 2)]
-    null = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for descriptor in (1, 2):
-            os.dup2(null, descriptor)
-        yield
-    finally:
-        for descriptor, copy in zip((1, 2), saved):
-            os.dup2(copy, descriptor)
-            os.close(copy)
-        os.close(null)
+    with tempfile.TemporaryFile() as file:
+        try:
+            for descriptor in (1, 2):
+                os.dup2(file.fileno(), descriptor)
+            yield
+        finally:
+            for descriptor, copy in zip((1, 2), saved):
+                os.dup2(copy, descriptor)
+                os.close(copy)
+            if heard is not None:
+                file.seek(0)
+                heard += file.read().decode(errors="replace").splitlines()
 
 
 @contextmanager
@@ -264,11 +266,12 @@ def together(parts: Sequence[np.ndarray]) -> np.ndarray:
 
 def render_built(built: bpy.types.Scene, width: int, height: int, *, seed: int = 0, repeats: int = 1, quiet: bool = True,
                  progress: Callable[[float], None] | None = None, interrupted: str = INTERRUPTED,
-                 region: tuple[int, int, int, int] | None = None) -> np.ndarray:
+                 region: tuple[int, int, int, int] | None = None, heard: list[str] | None = None) -> np.ndarray:
     """Images (repeats, height, width, 3) of a Blender scene, with consecutive seeds in Cycles; ``interrupted`` is said on Ctrl-C.
 
     ``region``: its pixels (left, top, right, bottom) alone, row 0 at the top, as they are in the whole picture; the scene's own
-    border is then replaced. Raises RenderError when the engine writes no image.
+    border is then replaced. ``heard`` takes the lines that the engine prints where it is ``quiet``. Raises RenderError when the engine
+    writes no image.
     """
     images = []
     render = built.render
@@ -286,7 +289,7 @@ def render_built(built: bpy.types.Scene, width: int, height: int, *, seed: int =
             built.cycles.seed = seed + repeat
             path = Path(folder) / f"{repeat}.exr"
             render.filepath = str(path)
-            with _interruptible(folder, interrupted), silenced(quiet):
+            with _interruptible(folder, interrupted), silenced(quiet, heard):
                 bpy.ops.render.render(write_still=True, scene=built.name)
             if not path.exists():
                 raise RenderError(f"{render.engine} wrote no image; run 'volumetrics doctor' to see what is missing")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -26,6 +27,7 @@ PICTURE_SETTINGS = {"render.use_sequencer": False, "render.use_stamp": False, "r
 ENGINE_SETTINGS = {CYCLES: {"cycles.use_denoising": False, "cycles.use_animated_seed": False}, EEVEE: {}}
 ROUND_SETTINGS = {CYCLES: {"cycles.use_adaptive_sampling": False, "cycles.time_limit": 0.0,
                            "cycles.sampling_pattern": "TABULATED_SOBOL"}, EEVEE: {}}
+SHADOWS_FULL = re.compile(r"Shadow buffer full.*\((\d+) / (\d+)\)")  # EEVEE's own words, in 4.5 and 5.2
 BORDER = ("render.use_border", "render.use_crop_to_border", "render.border_min_x", "render.border_max_x", "render.border_min_y",
           "render.border_max_y")
 
@@ -40,6 +42,15 @@ class Stage:
     quiet: bool = True
     interrupted: str = render.INTERRUPTED  # said on Ctrl-C
     decisions: list[Decision] = field(default_factory=list)
+    heard: bool = False  # whether anything was, of what the engine prints
+    shadow_pages: tuple[int, int] = (0, 0)  # the most that EEVEE asked for where they were too few, and how many there are
+
+    @property
+    def missing_shadows(self) -> str:
+        """What EEVEE says of shadows that it had no memory for; empty where all fitted or nothing was heard."""
+        wanted, there = self.shadow_pages
+        return f"EEVEE had memory for {there} of {wanted} pages of shadow maps: shadows and the light of lamps in media may be missing; " \
+               "a larger Shadow Pool, a smaller picture or wider cells of the volume may help" if wanted else ""
 
     @property
     def divisible(self) -> bool:
@@ -64,11 +75,13 @@ class Stage:
 
     def _shoot(self, width: int, height: int, samples: int, seed: int,
                region: tuple[int, int, int, int] | None = None) -> np.ndarray:
-        parts = []
+        parts, lines = [], []
         for scene in self.scenes:
             settings.apply(scene, sample_settings(self.engine, samples, self.first_included))
             parts.append(render.render_built(scene, width, height, seed=seed, quiet=self.quiet, interrupted=self.interrupted,
-                                             region=region)[0])
+                                             region=region, heard=lines)[0])
+        self.heard |= bool(lines)
+        self.shadow_pages = max([self.shadow_pages, *((int(found[1]), int(found[2])) for found in map(SHADOWS_FULL.search, lines) if found)])
         return render.together(parts)
 
 

@@ -7,6 +7,7 @@ What was changed is remembered on the very datablock, as a custom property: it s
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -14,6 +15,8 @@ from typing import Any
 import bpy
 
 from ..plan import tuning
+from ..plan.model import EEVEE
+from ..plan.observed import Cells
 from ..plan.tuning import Advice, Change
 from . import observe, settings
 from . import pilot as pilots
@@ -28,11 +31,15 @@ def plan(scene: bpy.types.Scene, error: float = tuning.TARGET, without: Collecti
     """The advice for the scene as it is now, within the relative error; see ``plan.tuning.tune``. Nothing is changed.
 
     ``samples`` of the picture that is to be rendered, and ``pixels``: its size, where these are not those of the scene's own
-    settings. With ``pilot`` its noise is measured where that pays, with what the plan changes: small pictures are rendered; raises
-    RenderError when the engine writes none.
+    settings. With ``pilot`` its noise is measured where that pays, with what the plan changes: small pictures are rendered, and in
+    EEVEE large ones of few samples with finer cells; raises RenderError when the engine writes none.
     """
     observed = observe.scene(scene, samples=samples, pixels=pixels)
     advice = tuning.tune(observed, error, without)
+    if pilot and observed.engine == EEVEE and scene.camera is not None:
+        trial = tuning.tune(replace(observed, cells=Cells(math.inf, 0.0)), error, without)
+        cells = pilots.cells(scene, observed.pixels, trial) if trial != advice else None
+        return tuning.tune(replace(observed, cells=cells), error, without)
     marched = any(change.path == "cycles.volume_biased" for found in advice for change in found.changes)
     if not pilot or NOISE_RULE in without or scene.camera is None or not (size := pilots.size(observed, marched)):
         return advice

@@ -172,7 +172,9 @@ def parser(program: str) -> argparse.ArgumentParser:
     plan.add_argument("--samples", type=_whole(1, 1 << 24), metavar="N", help="of a preset's picture")
     plan.add_argument("--error", type=_tolerance, help="what all rules together may change, such as 0.2%% (0.2%%)")
     plan.add_argument("--without", action="append", default=[], metavar="RULE", help="switch a rule off; may be repeated")
-    plan.add_argument("--pilot", action="store_true", help="render small pictures that tell the noise, for the noise threshold")
+    plan.add_argument("--pilot", action="store_true",
+                      help="render small pictures that tell the noise, for the noise threshold; in EEVEE large ones of few samples, which "
+                           "tell whether froxels may be finer")
     plan.add_argument("--out", type=Path, metavar="FILE.blend", help="apply the plan and save the file under this name")
 
     commands.add_parser("integrators", parents=[common], help="every integrator of the field that is here, with its bias")

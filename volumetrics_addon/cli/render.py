@@ -119,6 +119,7 @@ class _OfPreset:
         self.prepare = None
         self.own_samples = command.SAMPLES[self.engine]
         self.files: dict[str, str] = {}
+        self.notes: list[str] = []
 
     def open(self) -> None:
         pass
@@ -150,6 +151,7 @@ class _OfBlend:
         if arguments.plan is not None:
             self.digest = identity.digest(blend=self.digest, plan=arguments.plan, without=sorted(arguments.without))
         self.planned: list[Decision] = []
+        self.notes: list[str] = []
 
     def open(self) -> None:
         """Raises ValueError for a file that Blender cannot open."""
@@ -171,8 +173,11 @@ class _OfBlend:
 
         start = time.perf_counter()
         with stage.of_scene(self.source, self.engine, not self.arguments.engine_output, rounds=False,
-                            prepare=self.prepare and (lambda scene: self.prepare(scene, samples or self.own_samples, pilot=True))) as on:
+                            prepare=self.prepare and (lambda scene: self.prepare(
+                                # of a single picture EEVEE's pilot takes as long as what follows saves
+                                scene, samples or self.own_samples, pilot=self.engine == CYCLES))) as on:
             image = on.shoot(self.width, self.height, samples or self.own_samples, self.arguments.seed)
+        self.notes = [on.missing_shadows] if on.missing_shadows else []
         progress(1.0)
         return image, time.perf_counter() - start, [*self.planned, *on.decisions]
 
@@ -205,7 +210,7 @@ def _sampled(arguments: argparse.Namespace, subject: Any, checkpoint: Path, prog
              say: Any) -> tuple[dict[str, Any], Any]:
     image, seconds, decisions = subject.shoot(arguments.samples, lambda share: progress(subject.engine, share))
     return {"samples": arguments.samples or subject.own_samples, "seconds": seconds,
-            "decisions": [vars(decision) for decision in decisions]}, image
+            "decisions": [vars(decision) for decision in decisions], "notes": subject.notes}, image
 
 
 def _converged(arguments: argparse.Namespace, subject: Any, checkpoint: Path, progress: Any,

@@ -137,6 +137,15 @@ class Noise:
 
 
 @dataclass(frozen=True)
+class Cells:
+    """What a pilot tells of EEVEE, relative RMSE: ``error``, by which the scene's own cells are off finer ones, rather too little; and
+    ``noise``, of which n samples have 1 / sqrt(n) from eight on, rather too much."""
+
+    error: float
+    noise: float
+
+
+@dataclass(frozen=True)
 class Observed:
     """The scene: settings by path are read as they are asked for in ``settings``.
 
@@ -171,5 +180,6 @@ class Observed:
     samples: float = 0.0  # of a pixel, at most
     paths: float = 0.0  # camera paths of a picture: its pixels times the samples that they are expected to take
     noise: Noise | None = None  # where a pilot was rendered
+    cells: Cells | None = None  # where a pilot in EEVEE had all its shadows
     dithers: bool = True  # whether EEVEE takes samples for more than edges, shadows and media: blur, traced rays, transparency
     null_scattering: bool = True  # whether the engine has it beside ray marching

@@ -15,7 +15,7 @@ from typing import Any
 from . import visibility
 from .catalogue import RULES, TARGET, Rule
 from .model import BLACK_PROBE, EEVEE
-from .observed import Lamp, Medium, Observed
+from .observed import Cells, Lamp, Medium, Observed
 
 # Ray marching is jittered: with a step of optical depth d at most, one random offset for a whole ray makes a transmittance too
 # large by d^2 / 24, the variance of a uniform offset in the exponent. Voxels by measurement, see rules.THICKEST_STEP.
@@ -35,12 +35,15 @@ MOST_FORWARD = 0.9  # mean cosine of a medium in which aimed rays alone find a l
 # beside what each sample has to do anyway, a quarter and a half a part of what fewer samples save.
 MOST_FROXELS = 1 << 21
 FINER = {8: 1 << 18, 4: MOST_FROXELS, 2: MOST_FROXELS}
+PILOTED_FROXELS, LARGEST_POOL = 1 << 24, "1024"  # where a pilot has all its shadows in the largest pool; 40 bytes of memory for each
 COARSE = 8  # pixels, of the start-up file's cells: what narrower ones are off is not much above the noise of few samples
 FEWER = {8: 8, 4: 8, 2: 4}  # and by what the samples are then divided
 # Times as many steps along the view, where they cost next to nothing: with 64 the mean of the picture is up to 1.6 % off, with 192 it
 # is within 0.2 % of that with 256, the most that EEVEE takes.
 DEEPER = (3, 2)
 FEWEST_SAMPLES, MOST_SLICES = 8, 192
+LEFT_ERROR = 0.5  # of the error of a scene's cells, in cells half as wide
+LEAST_FEWER = 4  # times fewer samples, where there are eight times as many froxels
 # Width of EEVEE's map of the world's light, and by how much of the world's light the picture then changes: none where it is black; 95 %
 # of the colours of a world of one, which are rounded to 11-bit floats in each map; and of a sky that changes as fast as is allowed.
 BLACK, PLAIN, SMOOTH = (BLACK_PROBE, 0.0), (512, 0.006), (512, 0.01)
@@ -578,17 +581,42 @@ def _froxels(scene: Observed, allowed: float) -> Found:
         "volumetric_tile_size", "volumetric_samples", "taa_render_samples"))
     if tile < COARSE or scene.dithers or not any(_shows(scene, medium) for medium in scene.media):
         return None
-    froxels, shown = (pixels * slices / tile**2 for pixels in (scene.pixels, scene.viewport))
-    finer = next((times for times, most in FINER.items() if tile % times == 0 and froxels * times**2 <= most
-                  and shown * times**2 <= MOST_FROXELS), 0)
-    if not finer or (fewer := max(FEWEST_SAMPLES, samples // FEWER[finer])) >= samples:
+    finer, deeper, piloted = _cells(scene, tile, slices)
+    left = FEWEST_SAMPLES if piloted else max(FEWEST_SAMPLES, samples // FEWER.get(finer, 1))
+    while piloted and left < samples and not _is_closer(scene.cells, left, samples):
+        left *= 2
+    if not finer or left >= samples or piloted and left > samples / LEAST_FEWER:
         return None
-    changes = [Change("scenes", "", "eevee.volumetric_tile_size", str(tile // finer)),
-               Change("scenes", "", "eevee.taa_render_samples", fewer)]
-    deeper = next((times for times in DEEPER if times * slices <= MOST_SLICES and times * froxels * finer**2 <= FINER[8]), 0)
-    if deeper:
-        changes.append(Change("scenes", "", "eevee.volumetric_samples", deeper * slices))
-    return tuple(changes), f"cells {tile // finer} instead of {tile} pixels wide, and {fewer} instead of {samples} samples", 0.0
+    wanted: dict[str, Any] = {"volumetric_tile_size": str(tile // finer), "taa_render_samples": left}
+    if deeper > 1:
+        wanted["volumetric_samples"] = deeper * slices
+    if piloted:
+        wanted["shadow_pool_size"] = LARGEST_POOL
+    return (tuple(Change("scenes", "", f"eevee.{name}", value) for name, value in wanted.items()),
+            f"cells {tile // finer} instead of {tile} pixels wide, and {left} instead of {samples} samples", 0.0)
+
+
+def _is_closer(cells: Cells, left: int, samples: int) -> bool:
+    """Whether finer cells with ``left`` samples have no more error and noise than a scene's own with its own."""
+    return cells.noise**2 / left <= (1.0 - LEFT_ERROR**2) * cells.error**2 + cells.noise**2 / samples
+
+
+def _cells(scene: Observed, tile: int, slices: int) -> tuple[int, int, bool]:
+    """How many times finer, 0 where they stay, how many times more steps, and whether only since a pilot has tried."""
+    froxels, shown = (pixels * slices / tile**2 for pixels in (scene.pixels, scene.viewport))
+    deeper = [times for times in DEEPER if times * slices <= MOST_SLICES]
+    for finer, most in FINER.items():
+        if tile % finer == 0 and froxels * finer**2 <= most and shown * finer**2 <= MOST_FROXELS:
+            steps = next((times for times in deeper if times * froxels * finer**2 <= FINER[8]), 1)
+            break
+    else:
+        finer, steps = 0, 1
+    still = scene.view is not None and not scene.view.moves and not any(lamp.moves for lamp in scene.lamps)
+    if scene.cells and still and not shown and finer <= 2 and steps == 1:
+        more = next((times for times in deeper if times * froxels * 2**2 <= PILOTED_FROXELS), 0)
+        if more:
+            return 2, more, True
+    return finer, steps, False
 
 
 def _shows(scene: Observed, medium: Medium) -> bool:

@@ -22,7 +22,8 @@ class VolumetricsPlan(bpy.types.PropertyGroup):
     error: bpy.props.FloatProperty(name="Error", description="What all rules together may change of the picture, in percent of its light",
                                    default=100.0 * TARGET, min=1e-4, max=50.0, soft_max=5.0, precision=2, subtype="PERCENTAGE")
     pilot: bpy.props.BoolProperty(name="Render a pilot", default=False, description="Render small pictures that tell how noisy the large "
-                                  "one will be, and set the noise threshold by it; Cycles, with adaptive sampling on")
+                                  "one will be, and set the noise threshold by it, in Cycles with adaptive sampling on. In EEVEE "
+                                  "three of few samples, which tell whether large pictures may have finer cells")
     advice: bpy.props.CollectionProperty(type=VolumetricsAdvice)
     scene: bpy.props.StringProperty(name="Scene", description="For which the advice was found")
 
