@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import bpy
@@ -59,7 +59,7 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
     present = {path: settings.get(blender_scene, path) for path in PATHS if _has(blender_scene, path)}
     found = list(_rendered(layer))
     materials: dict[str, tuple] = {}
-    media, rest, lamps, instances = [], [], [], False
+    media, rest, lamps, instances, copied = [], [], [], False, False
     for candidate in found:
         kind = candidate.type
         if kind == "LIGHT":
@@ -72,6 +72,11 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
                 rest.append(candidate)
         if candidate.instance_type != "NONE" or candidate.modifiers or candidate.particle_systems:
             instances = instances or _instances_matter(candidate, materials)
+            copied = copied or candidate.instance_type != "NONE" or bool(candidate.particle_systems) or any(
+                modifier.type == "NODES" for modifier in candidate.modifiers)
+    # What is rendered is made of these; where objects are copied, of any material of the file.
+    surfaces = [_known(material, materials) for material in bpy.data.materials if material.users] if copied else [
+        known for _, known in materials.values()]
     media = _with_shared(media, found)
     if (air := _world(blender_scene)) is not None:
         media.append(air)
@@ -92,9 +97,9 @@ def scene(blender_scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None
         probe is not None and world.use_sun_shadow and blender_scene.eevee.use_shadows, traced, faces, room,
         frames=max(1, (blender_scene.frame_end - blender_scene.frame_start) // max(blender_scene.frame_step, 1) + 1),
         has_emitters=any(_emits(candidate, materials) for candidate in rest), has_surfaces=bool(rest), has_instances=instances,
-        mirrors=_any_surface(found, materials, lambda known: known[4]), touches=_touches(rest, media),
+        mirrors=any(known[4] for known in surfaces), touches=_touches(rest, media),
         pixels=pixels, viewport=_viewport(), samples=samples, paths=pixels * min(samples, expected),
-        dithers=_dithers(blender_scene, found, materials),
+        dithers=_dithers(blender_scene, surfaces),
         unused_passes=tuple(_unused_passes(blender_scene)), null_scattering=compat.current().volume_biased)
 
 
@@ -266,11 +271,14 @@ def _known(material: bpy.types.Material, materials: dict) -> tuple:
 
 
 def _volume_slot(candidate: bpy.types.Object, materials: dict) -> bpy.types.Material | None:
-    """The material of the object that has a volume; Cycles takes the first, and the object is read as a medium of it."""
+    """The material of the object that has a volume; Cycles takes the first, and the object is read as a medium of it. All of its
+    materials are known then."""
+    found = None
     for slot in candidate.material_slots:
-        if slot.material is not None and _known(slot.material, materials)[1]:
-            return slot.material
-    return None
+        material = slot.material
+        if material is not None and _known(material, materials)[1] and found is None:
+            found = material
+    return found
 
 
 def _emits(candidate: bpy.types.Object, materials: dict) -> bool:
@@ -573,22 +581,12 @@ def _reflects(candidate: bpy.types.Object, materials: dict) -> bool:
     return any(slot.material is not None and _known(slot.material, materials)[4] for slot in candidate.material_slots)
 
 
-def _any_surface(found: list[bpy.types.Object], materials: dict, what: Callable[[tuple], bool]) -> bool:
-    """Whether anything that is rendered is described so; where objects are copied, of any material of the file."""
-    copied = any(candidate.instance_type != "NONE" or candidate.particle_systems or any(
-        modifier.type == "NODES" for modifier in candidate.modifiers) for candidate in found)
-    if copied:
-        return any(what(_known(material, materials)) for material in bpy.data.materials if material.users)
-    return any(slot.material is not None and what(_known(slot.material, materials)) for candidate in found
-               for slot in candidate.material_slots)
-
-
-def _dithers(blender_scene: bpy.types.Scene, found: list[bpy.types.Object], materials: dict) -> bool:
+def _dithers(blender_scene: bpy.types.Scene, surfaces: list[tuple]) -> bool:
     """Whether EEVEE takes samples for blur, traced rays, or surfaces that let light through."""
     camera = blender_scene.camera
     blurs = blender_scene.render.use_motion_blur or blender_scene.eevee.use_raytracing or (
         camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof)
-    return blurs or _any_surface(found, materials, lambda known: known[2] and not known[3])
+    return blurs or any(known[2] and not known[3] for known in surfaces)
 
 
 def _holds(mesh: bpy.types.Mesh, outlines: list, eye: tuple) -> bool:
