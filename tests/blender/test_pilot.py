@@ -195,7 +195,7 @@ def test_a_pilot_of_eevee_tells_its_cells_and_noise(street):
 
 def test_a_plan_of_eevee_has_a_pilot_where_something_follows(street, monkeypatch):
     asked = []
-    monkeypatch.setattr(tuning.pilots, "cells", lambda scene, pixels, advice: asked.append(pixels) or Cells(0.1, 0.1))
+    monkeypatch.setattr(tuning.pilots, "cells", lambda scene, pixels, advice: asked.append(pixels) or Cells(0.1, 0.1, 1.0, 4.0))
     froxels = lambda **given: {change.path: change.value for found in tuning.plan(street, **given) if found.rule.name == "froxels"  # noqa: E731
                                for change in found.changes}
     assert froxels(pixels=96 * 54) == froxels(pixels=96 * 54, pilot=True) != {} and asked == []

@@ -412,10 +412,10 @@ START_UP = {"eevee.volumetric_tile_size": "8", "eevee.volumetric_samples": 64, "
 
 
 @pytest.mark.parametrize("width, height, tile, samples, slices", [
-    (48, 27, "1", 8, 192),  # 82,944 froxels, and three times as many are still below 2^18
-    (52, 29, "1", 8, 128),  # 96,512, of which two times are
-    (160, 90, "2", 8, 64),  # of one pixel they would be 921,600, above 2^18
-    (480, 270, "2", 8, 64),  # 2,073,600, just below 2^21
+    (48, 27, "1", 8, 192),  # 82,944 froxels of 64 steps, below 2^18
+    (160, 90, "2", 8, 192),  # of one pixel they would be 921,600, above it; 691,200 with 192 steps
+    (320, 180, "2", 8, 128),  # 921,600 of 64 steps; twice as many are below 2^21
+    (480, 270, "2", 8, 64),  # 2,073,600, just below it
     (960, 540, "4", 16, 64),
 ])
 def test_froxels_are_finer_where_their_number_stays_small(width, height, tile, samples, slices):
@@ -438,25 +438,31 @@ def test_froxels_stay_where_nothing_is_known_of_their_error():
     shown = advice(replace(known, viewport=500.0 * 800.0), "froxels")  # 6.4 million of 2 pixels, 1.6 million of 4
     assert changes(shown) == {("", "eevee.volumetric_tile_size"): "4", ("", "eevee.taa_render_samples"): 16}
     assert advice(replace(known, viewport=1500.0 * 900.0), "froxels") is None
-    twelve = advice(replace(known, settings={**START_UP, "eevee.taa_render_samples": 12}), "froxels")
-    assert changes(twelve)["", "eevee.taa_render_samples"] == 8  # never fewer
+    twelve = {**START_UP, "eevee.taa_render_samples": 12}
+    assert changes(advice(replace(known, settings=twelve, pixels=48 * 27), "froxels"))["", "eevee.taa_render_samples"] == 8  # never fewer
+    # where froxels take time an eighth of the samples pays for them
+    assert advice(replace(known, settings={**twelve, "eevee.taa_render_samples": 63}), "froxels") is None
 
 
 def test_a_pilot_tells_whether_large_pictures_may_have_finer_froxels():
     """By the noise that n samples have: 0.3 / sqrt(n), against three quarters of the squared error of the cells and the noise of 64."""
     haze, full_hd = medium(half=4.0), {"engine": "eevee", "settings": START_UP, "pixels": 1920 * 1080, "dithers": False}
-    known = scene(haze, **full_hd, view=SEEN, cells=Cells(0.13, 0.3))
+    known = scene(haze, **full_hd, view=SEEN, cells=Cells(0.13, 0.3, 1.0, 8.0))
     found = advice(known, "froxels")  # 0.3^2 / 8 = 0.0113 < 0.75 x 0.13^2 + 0.3^2 / 64 = 0.0141
     assert changes(found) == {("", "eevee.volumetric_tile_size"): "4", ("", "eevee.taa_render_samples"): 8,
                               ("", "eevee.volumetric_samples"): 128, ("", "eevee.shadow_pool_size"): "1024"}
-    noisier = advice(replace(known, cells=Cells(0.08, 0.3)), "froxels")  # 0.0113 > 0.0062 > 0.0056 of 16 samples
+    noisier = advice(replace(known, cells=Cells(0.08, 0.3, 1.0, 4.0)), "froxels")  # 0.0113 > 0.0062 > 0.0056 of 16 samples
     assert changes(noisier)["", "eevee.taa_render_samples"] == 16
-    for change in ({"cells": None}, {"cells": Cells(0.04, 0.3)}, {"viewport": 800.0 * 600.0}, {"pixels": 2560 * 1440},
+    for change in ({"cells": None}, {"cells": Cells(0.04, 0.3, 1.0, 1.0)}, {"cells": Cells(0.13, 0.3, 1.0, 8.1)}, {"viewport": 800.0 * 600.0}, {"pixels": 2560 * 1440},
                    {"view": replace(SEEN, moves=True)}, {"lamps": (replace(lamp("a"), moves=True),)}, {"dithers": True}):
         assert advice(replace(known, **change), "froxels") is None, change
-    # where nothing has to be tried, a pilot changes nothing
-    small = replace(known, pixels=480 * 270)
+    # where nothing has to be tried, a pilot changes nothing; else it may add steps where they are quick, and keeps edges their samples
+    small, wide = replace(known, pixels=160 * 90), replace(known, pixels=480 * 270)
+    plain = changes(advice(replace(wide, cells=None), "froxels"))
     assert changes(advice(small, "froxels")) == changes(advice(replace(small, cells=None), "froxels"))
+    assert changes(advice(wide, "froxels")) == plain | {("", "eevee.volumetric_samples"): 192, ("", "eevee.shadow_pool_size"): "1024"}
+    assert changes(advice(replace(wide, cells=Cells(0.13, 0.3, 1.0, 8.1)), "froxels")) == plain
+    assert advice(replace(wide, cells=Cells(0.04, 0.3, 1.0, 1.0)), "froxels") is None
 
 
 def test_settings_that_bring_nothing_are_switched_off():

@@ -37,7 +37,7 @@ def plan(scene: bpy.types.Scene, error: float = tuning.TARGET, without: Collecti
     observed = observe.scene(scene, samples=samples, pixels=pixels)
     advice = tuning.tune(observed, error, without)
     if pilot and observed.engine == EEVEE and scene.camera is not None:
-        trial = tuning.tune(replace(observed, cells=Cells(math.inf, 0.0)), error, without)
+        trial = tuning.tune(replace(observed, cells=Cells(math.inf, 0.0, 1.0, 0.0)), error, without)
         cells = pilots.cells(scene, observed.pixels, trial) if trial != advice else None
         return tuning.tune(replace(observed, cells=cells), error, without)
     marched = any(change.path == "cycles.volume_biased" for found in advice for change in found.changes)

@@ -125,7 +125,7 @@ RULES = {rule.name: rule for rule in (
          "camera and lamps stand still, and shadows have memory",
          "samples: cells that are a half, a quarter or an eighth as wide are closer with a quarter or an eighth of them",
          "closer than before to what ever finer cells and more samples come to, measured: on all scenes of the benchmark 48 pixels wide, "
-         "at 480 pixels not where edges need the samples (cathedral 4 % instead of 3 %); in larger ones told by the pilot",
+         "at 480 pixels not where edges need the samples (cathedral 4 % instead of 3 %), which a pilot tells",
          engines=(EEVEE,), effect=CLOSER, gain={EEVEE: 4.4}, shown_by="foggy-street, 48 pixels wide"),
     Rule("passes",
          "a pass is rendered that neither the compositor nor the file has use for",

@@ -37,13 +37,12 @@ MOST_FROXELS = 1 << 21
 FINER = {8: 1 << 18, 4: MOST_FROXELS, 2: MOST_FROXELS}
 PILOTED_FROXELS, LARGEST_POOL = 1 << 24, "1024"  # where a pilot has all its shadows in the largest pool; 40 bytes of memory for each
 COARSE = 8  # pixels, of the start-up file's cells: what narrower ones are off is not much above the noise of few samples
-FEWER = {8: 8, 4: 8, 2: 4}  # and by what the samples are then divided
-# Times as many steps along the view, where they cost next to nothing: with 64 the mean of the picture is up to 1.6 % off, with 192 it
-# is within 0.2 % of that with 256, the most that EEVEE takes.
-DEEPER = (3, 2)
+FEWER = {8: 8, 4: 8, 2: 4}  # and by what the samples are then divided, at least where the froxels of each cost more than next to nothing
+# Times as many steps along the view: with 64 the mean of the picture is up to 1.7 % off, with 192 it is within 0.2 % of that with 256,
+# the most that EEVEE takes. They need no more shadows, but on a processor above so many froxels as long as fewer samples save.
+DEEPER, DEEP_FROXELS = (3, 2), {8: MOST_FROXELS, 4: MOST_FROXELS, 2: 0}
 FEWEST_SAMPLES, MOST_SLICES = 8, 192
 LEFT_ERROR = 0.5  # of the error of a scene's cells, in cells half as wide
-LEAST_FEWER = 4  # times fewer samples, where there are eight times as many froxels
 # Width of EEVEE's map of the world's light, and by how much of the world's light the picture then changes: none where it is black; 95 %
 # of the colours of a world of one, which are rounded to 11-bit floats in each map; and of a sky that changes as fast as is allowed.
 BLACK, PLAIN, SMOOTH = (BLACK_PROBE, 0.0), (512, 0.006), (512, 0.01)
@@ -581,11 +580,20 @@ def _froxels(scene: Observed, allowed: float) -> Found:
         "volumetric_tile_size", "volumetric_samples", "taa_render_samples"))
     if tile < COARSE or scene.dithers or not any(_shows(scene, medium) for medium in scene.media):
         return None
-    finer, deeper, piloted = _cells(scene, tile, slices)
-    left = FEWEST_SAMPLES if piloted else max(FEWEST_SAMPLES, samples // FEWER.get(finer, 1))
-    while piloted and left < samples and not _is_closer(scene.cells, left, samples):
-        left *= 2
-    if not finer or left >= samples or piloted and left > samples / LEAST_FEWER:
+    finer, deeper = _cells(scene, tile, slices)
+    left = max(FEWEST_SAMPLES, samples // FEWER.get(finer, 1))
+    piloted = _piloted(scene, tile, slices, finer) if deeper == 1 else None
+    if piloted:
+        left = FEWEST_SAMPLES
+        while left < samples and not _is_closer(scene.cells, left, samples):
+            left *= 2
+        if left * FEWER[2] > samples:
+            return None
+        if left * scene.cells.finer_seconds > samples * scene.cells.own_seconds:
+            piloted = None
+    if piloted:
+        finer, deeper = piloted
+    elif not finer or left >= samples or finer < max(FEWER) and left * FEWER[finer] > samples:
         return None
     wanted: dict[str, Any] = {"volumetric_tile_size": str(tile // finer), "taa_render_samples": left}
     if deeper > 1:
@@ -601,22 +609,24 @@ def _is_closer(cells: Cells, left: int, samples: int) -> bool:
     return cells.noise**2 / left <= (1.0 - LEFT_ERROR**2) * cells.error**2 + cells.noise**2 / samples
 
 
-def _cells(scene: Observed, tile: int, slices: int) -> tuple[int, int, bool]:
-    """How many times finer, 0 where they stay, how many times more steps, and whether only since a pilot has tried."""
+def _cells(scene: Observed, tile: int, slices: int) -> tuple[int, int]:
+    """How many times finer, 0 where they stay, and how many times more steps."""
     froxels, shown = (pixels * slices / tile**2 for pixels in (scene.pixels, scene.viewport))
-    deeper = [times for times in DEEPER if times * slices <= MOST_SLICES]
-    for finer, most in FINER.items():
-        if tile % finer == 0 and froxels * finer**2 <= most and shown * finer**2 <= MOST_FROXELS:
-            steps = next((times for times in deeper if times * froxels * finer**2 <= FINER[8]), 1)
-            break
-    else:
-        finer, steps = 0, 1
+    finer = next((times for times, most in FINER.items() if tile % times == 0 and froxels * times**2 <= most
+                  and shown * times**2 <= MOST_FROXELS), 0)
+    return finer, next((times for times in DEEPER if finer and times * slices <= MOST_SLICES
+                        and times * froxels * finer**2 <= DEEP_FROXELS[finer]), 1)
+
+
+def _piloted(scene: Observed, tile: int, slices: int, finer: int) -> tuple[int, int] | None:
+    """The same of cells that a pilot has tried: half as wide where they were not finer, and more steps."""
     still = scene.view is not None and not scene.view.moves and not any(lamp.moves for lamp in scene.lamps)
-    if scene.cells and still and not shown and finer <= 2 and steps == 1:
-        more = next((times for times in deeper if times * froxels * 2**2 <= PILOTED_FROXELS), 0)
-        if more:
-            return 2, more, True
-    return finer, steps, False
+    if not scene.cells or not still or scene.viewport:
+        return None
+    finer = finer or 2
+    steps = next((times for times in DEEPER if times * slices <= MOST_SLICES
+                  and times * scene.pixels * slices / tile**2 * finer**2 <= PILOTED_FROXELS), 0)
+    return (finer, steps) if steps else None
 
 
 def _shows(scene: Observed, medium: Medium) -> bool:
