@@ -12,7 +12,7 @@ OpenEXR = pytest.importorskip("OpenEXR")
 
 from volumetrics_addon.bench import usual  # noqa: E402
 from volumetrics_addon.blender import compat, files, observe, pilot, render, settings, stage, tuning  # noqa: E402
-from volumetrics_addon.cli.main import OK, USAGE, main  # noqa: E402
+from volumetrics_addon.cli.main import OK, USAGE, WORSE, main  # noqa: E402
 from volumetrics_addon.plan.catalogue import RULES  # noqa: E402
 from volumetrics_addon.plan.observed import Cells  # noqa: E402
 from volumetrics_addon.plan.tuning import Advice, Change  # noqa: E402
@@ -169,10 +169,9 @@ def test_eevee_says_when_shadows_have_no_memory(street, tmp_path, capsys):
     path, out = tmp_path / "street.blend", tmp_path / "x.exr"
     files.save(path)
     capsys.readouterr()
-    for asked in (["--samples", "1"], ["--error", "90%", "--max-samples", "64"]):
-        assert main(["render", str(path), "--size", "96", "--out", str(out), "--json", *asked]) == OK
-        told = capsys.readouterr()
-        assert "memory for 64 of" in json.loads(told.out)["notes"][-1]
+    for asked, code in ((["--samples", "1"], OK), (["--error", "90%", "--max-samples", "4"], WORSE)):  # one picture tells no error
+        assert main(["render", str(path), "--size", "96", "--out", str(out), "--json", *asked]) == code
+        assert any("memory for 64 of" in note for note in json.loads(capsys.readouterr().out)["notes"])
 
 
 def test_a_pilot_of_eevee_tells_its_cells_and_noise(street):
@@ -185,9 +184,9 @@ def test_a_pilot_of_eevee_tells_its_cells_and_noise(street):
     assert pilot.cells(street, 96 * 54, advised(volumetric_tile_size="1", shadow_pool_size="16")) is None
     assert {path: settings.get(street, path) for path in kept} == before
     with stage.of_scene(street, "eevee") as on:
-        own = on.shoot(96, 54, 32)
+        own = on.shoot(96, 54, 16)
     with stage.of_scene(street, "eevee", changes={"eevee.volumetric_tile_size": "2", "eevee.volumetric_samples": 128}) as on:
-        few, many = (on.shoot(96, 54, samples) for samples in (8, 32))
+        few, many = (on.shoot(96, 54, samples) for samples in (8, 16))
     error, noise_of_eight = (float(np.sqrt(np.mean((made - many) ** 2)) / many.mean()) for made in (own, few))
     assert 0.3 * error < found.error < error
     assert noise_of_eight < found.noise / math.sqrt(8) < 4.0 * noise_of_eight
