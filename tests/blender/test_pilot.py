@@ -171,7 +171,9 @@ def test_eevee_says_when_shadows_have_no_memory(street, tmp_path, capsys):
     capsys.readouterr()
     for asked, code in ((["--samples", "1"], OK), (["--error", "90%", "--max-samples", "4"], WORSE)):  # one picture tells no error
         assert main(["render", str(path), "--size", "96", "--out", str(out), "--json", *asked]) == code
-        assert any("memory for 64 of" in note for note in json.loads(capsys.readouterr().out)["notes"])
+        notes = json.loads(capsys.readouterr().out)["notes"]
+        assert any("memory for 64 of" in note for note in notes)
+        assert any("bias is not in this error: finer cells have no memory" in note for note in notes) == (code == WORSE)
 
 
 def test_a_pilot_of_eevee_tells_its_cells_and_noise(street):

@@ -37,6 +37,7 @@ def plan(scene: bpy.types.Scene, error: float = tuning.TARGET, without: Collecti
     observed = observe.scene(scene, samples=samples, pixels=pixels)
     advice = tuning.tune(observed, error, without)
     if pilot and observed.engine == EEVEE and scene.camera is not None:
+        # where noise and time are no matter: what a pilot would have to try
         trial = tuning.tune(replace(observed, cells=Cells(math.inf, 0.0, 1.0, 0.0)), error, without)
         cells = pilots.cells(scene, observed.pixels, trial) if trial != advice else None
         return tuning.tune(replace(observed, cells=cells), error, without)
