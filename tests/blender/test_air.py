@@ -156,6 +156,7 @@ def test_cycles_renders_the_same_picture_in_kilometres():
     assert (error < 0.02 * here.mean(axis=0)).all()  # the comparison is worth something
 
 
+@pytest.mark.either
 @needs_eevee
 def test_eevee_renders_the_same_picture_in_another_unit():
     """Exactly the same in units twice apart, but for a pixel of the ground here and there: the shadow of a planet's mesh is biased
@@ -180,6 +181,7 @@ def test_only_thin_media_change_the_unit():
 # --- the picture ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.either
 @pytest.mark.parametrize("name", ["sky-noon", "sky-sunset"])
 def test_cycles_single_scattering_is_exact(name):
     """Every channel: where molecules and aerosol mix in one material, Cycles gives all channels one mixture (-16 % of red)."""
@@ -199,6 +201,7 @@ def test_the_engines_are_on_the_sky_charts(name, engine):
     assert rival(engine).applies(by_name(name).make()) == ""
 
 
+@pytest.mark.either
 @needs_eevee
 def test_eevee_shows_a_sky():
     """Single scattering without the air's dimming of the ground: measured -33 % of eight orders, blue above the horizon."""

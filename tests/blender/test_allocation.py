@@ -75,6 +75,7 @@ def test_compositing_that_looks_beyond_a_pixel_keeps_the_picture_in_one_piece(sp
         assert not on.divisible
 
 
+@pytest.mark.either
 def test_samples_go_where_the_noise_is_and_the_error_holds(spot, monkeypatch):
     """Of equally many paths the rectangles have a fraction of the squared error, and the mean stays what it is."""
     monkeypatch.setattr(converge, "_measure_bias", lambda *arguments: None)

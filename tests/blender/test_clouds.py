@@ -89,6 +89,7 @@ def test_more_coverage_dims_what_lies_below():
     assert ground[0] > 1.1 * ground[1] > 1.2 * ground[2] > 0.0
 
 
+@pytest.mark.either
 def test_air_dims_and_veils_a_distant_cloud():
     """Aerial perspective: a cloud of some kilometres, thirty away, overlaps with the air of a planet."""
     thick = units.scaled(cumulus(), 10.0)

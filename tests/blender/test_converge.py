@@ -260,6 +260,7 @@ def test_eevee_climbs_a_ladder(scene, tmp_path):
     assert 0.0 < error < short.noise_upper
 
 
+@pytest.mark.either
 def test_eevees_cells_count_in_the_error(scene, tmp_path):
     """What is stated of a medium's cells holds against ones of a pixel, and cells that cannot be finer are told."""
     material = bpy.data.materials.new("haze")

@@ -13,6 +13,7 @@ from volumetrics_addon.reference import depth_air  # noqa: E402
 from volumetrics_addon.scene import geometry  # noqa: E402
 
 
+@pytest.mark.either
 @pytest.mark.parametrize("name", ("clear-noon", "clear-sunset"))
 @pytest.mark.parametrize("parameters", ({}, {"mie_extinction": 0.3, "base_height": 40.0, "rayleigh_scale_height": 7000.0}),
                          ids=("clear", "hazy"))
@@ -26,6 +27,7 @@ def test_nodes_follow_the_formula(name, parameters):
     assert shown.images[0] == pytest.approx(expected, rel=2e-4)
 
 
+@pytest.mark.either
 def test_ground_in_both_engines():
     preset = load("clear-noon").changed({"realisation": "compositor"}, {"camera_target": [0.0, 1000.0, -1000.0], "field_of_view": 30.0})
     scene = verify.scene_of(preset)
@@ -75,6 +77,7 @@ def add_sun(scene):
     return sun
 
 
+@pytest.mark.either
 def test_a_users_sky_stays_and_mountains_turn_blue(scene):
     sun = add_sun(scene)
     item = items.add_item(scene, "air", load("clear-noon").parameters | {"realisation": "compositor"}, "Air", orders=8)

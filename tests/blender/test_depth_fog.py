@@ -55,6 +55,7 @@ GROUND = {"shape": "box", "location": (0.0, 0.0, 0.0), "size": (2000.0, 2000.0, 
           "emission": (0.0, 0.0, 0.0)}
 
 
+@pytest.mark.either
 def test_ground_in_both_engines():
     """Light on the ground and the way to it, by the sun: each engine's depth gives the formula's picture."""
     chosen = preset({}, {"environment_radiance": 0.0, "camera_target": [2, 20, -13]}, (GROUND,))

@@ -38,6 +38,7 @@ def test_a_coloured_slab_dims_the_sun_on_the_floor_by_beer_and_lambert():
     assert any(decision.rule == "dimmed light" for decision in rendered.plan.decisions)
 
 
+@pytest.mark.either
 @needs_eevee
 def test_a_coloured_slab_dims_the_sky_on_the_floor_by_the_exponential_integral():
     from scipy.special import expn
@@ -48,6 +49,7 @@ def test_a_coloured_slab_dims_the_sky_on_the_floor_by_the_exponential_integral()
     assert rendered.images[0].mean(axis=(0, 1)) == pytest.approx(expected, rel=0.04)
 
 
+@pytest.mark.either
 @needs_eevee
 def test_switched_off_the_floor_is_as_bright_as_without_the_slab_before_the_sun():
     scene = floor_under_a_slab(sun=True, sky=False)

@@ -16,6 +16,7 @@ from volumetrics_addon.plan.rules import light_threshold  # noqa: E402
 pytestmark = pytest.mark.skipif(not all(c.ok for c in checks() if c.name == "EEVEE"), reason="no EGL on this machine")
 
 
+@pytest.mark.either
 @pytest.mark.parametrize("name, bound", [("tea-glass", 0.01), ("emerald-sphere", 0.03), ("theatre-slats", 0.06)])
 def test_mean_error(name, bound):
     result = verify.verify(load(name), "eevee", 32, 8)
@@ -25,6 +26,7 @@ def test_mean_error(name, bound):
         assert result.notes  # the reason is printed with the error
 
 
+@pytest.mark.either
 def test_blockers_near_the_light_cast_shadows():
     """EEVEE clips shadow casters near a light in proportion to its reach: bars at 0.15 of the beam have to stay."""
     blocked = load("theatre-slats")

@@ -111,7 +111,7 @@ def test_a_leaded_pane_in_eevee():
 
 
 @pytest.mark.parametrize("engine, shape, bound", [("cycles", "sphere", 0.002), ("cycles", "shell", 0.002),
-                                                  pytest.param("eevee", "sphere", 0.01, marks=needs_eevee)])
+                                                  pytest.param("eevee", "sphere", 0.01, marks=[needs_eevee, pytest.mark.either])])
 def test_a_picture_scales_with_its_distance(shape, engine, bound):
     """1 mm, 1 m: the same picture. A homogeneous medium may be smaller than 1 cm."""
     small, large = (rendered(preset({"shape": shape, "color": [0.2, 0.5, 0.9]}, unit), engine).mean(axis=(0, 1))
@@ -119,6 +119,7 @@ def test_a_picture_scales_with_its_distance(shape, engine, bound):
     np.testing.assert_allclose(small, large, rtol=bound)
 
 
+@pytest.mark.either
 @needs_eevee
 @pytest.mark.parametrize("shape, bound", [("sphere", 0.005), ("shell", 0.005), ("block", 0.02)])
 def test_eevee_under_uniform_light(shape, bound):

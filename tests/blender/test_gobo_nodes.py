@@ -85,6 +85,7 @@ def test_nodes_equal_the_formula_and_follow_their_sockets(pattern):
     assert image.std() > 0.1
 
 
+@pytest.mark.either
 def test_a_keyframe_moves_the_light():
     """The light of an animated item in Cycles against the reference with a fine picture of the pattern at that time."""
     changes = {"gobo": "blinds", "gobo_count": 3, "gobo_softness": 0.5, "gobo_drift_up": 0.3333}

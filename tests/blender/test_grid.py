@@ -128,6 +128,7 @@ def test_nothing_is_left_behind():
     assert blocks() == before
 
 
+@pytest.mark.either
 def test_cycles_scatters_in_the_voxels_of_the_path_tracer():
     density = grid_of(ring(RANDOM))
     medium = Medium((2.7, 2.4, 1.8), (0.3, 0.6, 1.2), Phase(0.6, -0.3, 0.2), density)

@@ -328,6 +328,7 @@ def test_a_ball_without_refraction_is_its_chord(scene):
     np.testing.assert_allclose(picture(scene), [(color**chord).mean() for color in VALUES["color"]], rtol=0.005)
 
 
+@pytest.mark.either
 @needs_eevee
 def test_a_scaled_ball_in_eevee(scene, expected):
     """One measure and one material, shrunk to a thousandth: the ball's closed form again, within 1.5 %."""

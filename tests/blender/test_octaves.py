@@ -71,6 +71,7 @@ def literal(octaves, extinction, phase, contribution, count=1_500_000):
     return total.mean(), total.std() / math.sqrt(count)
 
 
+@pytest.mark.either
 def test_octaves_equal_their_definition():
     expected, doubt = literal(3, 0.5, 0.3, 0.4)
     value, spread = cycles(OCTAVES, 50, 4096)

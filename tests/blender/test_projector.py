@@ -51,6 +51,7 @@ def test_cycles_shows_the_dust_of_the_reference():
     assert low <= 0.005 and high >= -0.005 and high - low < 0.015
 
 
+@pytest.mark.either
 @pytest.mark.skipif(not all(c.ok for c in checks() if c.name == "EEVEE"), reason="no EGL on this machine")
 @pytest.mark.parametrize("name", ["plain", "glass"])
 def test_eevee_masks_the_light(name):

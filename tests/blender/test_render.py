@@ -116,6 +116,7 @@ def test_beer_lambert_through_a_box():
     np.testing.assert_allclose(image.mean(axis=(0, 1)), np.array([0.2, 0.5, 0.9]) ** 2, rtol=1e-4)
 
 
+@pytest.mark.either
 @pytest.mark.parametrize("light", ["sun", "spot"])
 def test_single_scattering_to_four_digits(light):
     """Homogeneous haze, two million samples: the mean agrees to 4 digits, and the interval is narrow enough to say so."""
@@ -146,12 +147,13 @@ THICK = {"congestus", "storm", "stratus", "stratocumulus"}
 # Their references take half a minute and more: fine gobos, layers of fog among many bodies, air with bodies in it. In water that
 # scatters forward a sun is noisy.
 SLOW = {"underwater-shafts", "forest-shafts", "cathedral-window", "stadium", "two-layer", "city-haze", "light-haze", "amber-bottle",
-        "underwater", "high-altitude", "mars", "dusty-attic",
+        "underwater", "lighthouse", "high-altitude", "mars", "dusty-attic",
         "window-shafts", "hazy-city", "golden-hour"}
 SAMPLES = {"headlights": 1024, "dusty-attic": 512, "forest-shafts": 512}  # narrow beams seen from beside, shafts in dim places
 RAYS = {"dusty-attic": 256, "lighthouse": 100}  # of the reference: a path tracer's in a dim room, a narrow beam
 
 
+@pytest.mark.either
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.sweep) if n in THICK | SLOW else n for n in names()])
 def test_cycles_equals_the_reference(name, tmp_path):
     chosen = load(name)
@@ -178,6 +180,7 @@ def test_a_wrong_albedo_is_caught():
     assert not result.passes(0.005)
 
 
+@pytest.mark.either
 @pytest.mark.parametrize("name", ["theatre-spot", "morning-valley"])  # before a black world, and before a sky
 def test_what_a_world_does_not_need_changes_no_bit_of_eevee(name, monkeypatch):
     chosen = load(name)
@@ -196,6 +199,7 @@ def test_what_a_world_does_not_need_changes_no_bit_of_eevee(name, monkeypatch):
     assert np.array_equal(shot(), spare) and spare.mean() > 0.0
 
 
+@pytest.mark.either
 def test_a_bright_uniform_world_is_no_sun_of_eevee():
     """Beyond the 10 that a world's brightness may have by default EEVEE made a sun of the rest: 0.78 of Cycles' light."""
     chosen = load("morning-valley")

@@ -235,6 +235,7 @@ def test_what_else_takes_samples_in_eevee_is_known(scene, change):
     assert observe.scene(scene).dithers
 
 
+@pytest.mark.either
 def test_finer_froxels_are_closer_in_fewer_samples(scene):
     """Against cells of one pixel and 256 steps, which nothing of the plan has set. Four times as many samples of the start-up file's
     cells are not closer, and every value comes back."""
@@ -259,6 +260,7 @@ def test_finer_froxels_are_closer_in_fewer_samples(scene):
     assert error["planned"] < 0.5 * error["own"], error
 
 
+@pytest.mark.either
 def test_the_probe_of_a_sky_may_be_smaller(scene):
     """Under a black world the same picture; one colour and a ramp within their bounds, the sky their only light; every value back.
     Without the shadows of a sun that is not there the picture is the same."""
