@@ -341,6 +341,13 @@ def words(text: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
+def cells(text: str) -> str:
+    pixels, _, steps = text.partition(",")
+    if pixels.strip() not in ("1", "2", "4", "8", "16") or not steps.strip().isdecimal() or not 1 <= int(steps) <= 256:
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed; give pixels across (1, 2, 4, 8 or 16) and steps (1 to 256), such as 2,192")
+    return text
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenes", nargs="*", default=[scene.name for scene in usual.SCENES], metavar="SCENE")
@@ -352,7 +359,7 @@ def main() -> None:
     parser.add_argument("--truth", type=float, default=120.0, help="processor seconds of a truth")
     parser.add_argument("--means", type=int, default=0, help="pictures from which the mean with a noise threshold is measured")
     parser.add_argument("--converged", type=int, default=64, help="samples of EEVEE's converged picture")
-    parser.add_argument("--finest", default=FINEST, metavar="PIXELS,STEPS", help="cells of EEVEE's truth: pixels across, and steps along the view")
+    parser.add_argument("--finest", type=cells, default=FINEST, metavar="PIXELS,STEPS", help="cells of EEVEE's truth: pixels across, and steps along the view")
     parser.add_argument("--pilot", action="store_true", help="plan EEVEE with a pilot")
     parser.add_argument("--clock", action="store_true", help="gains of EEVEE by the clock")
     parser.add_argument("--alone", action="store_true", help="measure each rule of the plan by itself too")

@@ -139,6 +139,15 @@ def test_no_rectangle_has_more_samples_than_a_round_may_have():
     assert max(one.samples for one in regions) == MOST_SAMPLES // 2
 
 
+def test_no_rectangle_has_fewer_samples_than_are_asked_for():
+    found = allocate(SPOT, 100.0, 1e-3, floor=0.0)
+    for samples, least in ((24, 16), (16, 16)):
+        regions = found.regions(64, 36, samples, least)
+        assert min(one.samples for one in regions) == least
+        assert sum(one.pixels * one.samples for one in regions) <= samples * 64 * 36
+    assert min(one.samples for one in found.regions(64, 36, 24)) < 16
+
+
 def test_too_few_samples_are_refused():
     with pytest.raises(ValueError, match="samples must be >= 1, got 0"):
         Allocation(1, 1, ((0, 0, 1, 1),), (1.0,)).regions(4, 4, 0)

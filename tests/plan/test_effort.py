@@ -58,6 +58,19 @@ def test_the_nearer_limit_counts():
         schedule(PLAIN)
 
 
+def test_rounds_that_learn_are_as_long_as_learning_takes():
+    """A picture so large that ten seconds are two samples: 64 nevertheless, or what leaves eight rounds; more where 6 % of one sample
+    would be more than a fifth of the error."""
+    large = Pilot(4.0, 4.0, 0.0)
+    assert schedule(large, noise=0.02).samples == 2
+    assert schedule(large, noise=0.02, least=64).samples == 64
+    assert schedule(large, noise=0.2, least=64) == schedule(large, noise=0.2, least=1 << 20)  # 100 samples in all
+    assert schedule(large, noise=0.2, least=64).samples == 8 and schedule(large, noise=0.2, least=64).rounds == 13
+    assert schedule(large, noise=0.02, seconds=100.0, least=64).seconds <= 100.0
+    assert schedule(PLAIN, noise=0.02, least=64) == schedule(PLAIN, noise=0.02)  # is longer anyway
+    assert [effort.learning(noise) for noise in (None, 0.1, 0.01, 0.001)] == [64, 64, 64, 300]
+
+
 def test_stratified_samples_count_as_what_they_are():
     """A variance of 1 / n in renders of n samples: n of them have the error 1 / n, and eight rounds of n take 1 / (n sqrt(8))."""
     pilot = Pilot(1 / 64, 0.01, 0.0, tuple((n, 1.0 / n) for n in (1, 4, 16, 64)))

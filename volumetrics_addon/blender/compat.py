@@ -23,14 +23,15 @@ class Version:
     exr_settings: tuple[tuple[str, str], ...]  # image settings that select one EXR, in this order
     use_nodes: bool  # materials, worlds and lights have to be told to use nodes
     homogeneous_flag: bool  # materials declare a homogeneous volume; later versions find out by themselves
+    learns: bool  # Cycles learns from a render's samples where rays scatter in media, see plan.effort.learning
     volume_biased: bool  # ray marching is an option beside unbiased null-scattering; before, it is the only way
     cell_hash: str  # random points of the Voronoi texture, see scene.model.NoiseShape
     compositing_group: bool  # the compositor's nodes are a node group that scenes use; before, a tree of the scene's own
 
 
 TABLE = (
-    Version((4, 5, 0), "BLENDER_EEVEE_NEXT", (("file_format", "OPEN_EXR"),), True, True, False, "lookup3", False),
-    Version((5, 0, 0), "BLENDER_EEVEE", (("media_type", "IMAGE"), ("file_format", "OPEN_EXR")), False, False, True, "pcg3d", True),
+    Version((4, 5, 0), "BLENDER_EEVEE_NEXT", (("file_format", "OPEN_EXR"),), True, True, False, False, "lookup3", False),
+    Version((5, 0, 0), "BLENDER_EEVEE", (("media_type", "IMAGE"), ("file_format", "OPEN_EXR")), False, False, True, True, "pcg3d", True),
 )
 
 

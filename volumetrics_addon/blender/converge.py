@@ -72,6 +72,7 @@ ALLOCATION_PICTURES = 4  # of that pilot: two halves, each of which tells a vari
 ALLOCATION_SAMPLES = 1024  # of each, at most
 ALLOCATION_SIZE, ALLOCATION_ENOUGH = 256, 16  # pixels of its longer side at most, which is doubled where so many samples are left
 ALLOCATION_GAIN = 1.2  # in seconds at equal error, at least
+LEAST_LEARNED = 16  # samples of a rectangle of it, and of a picture that tells bias, where renders learn
 TIMED_SHARE = 0.1  # of a short render's time, which its samples are taken to have at least
 DENOISED = 3.0  # by which denoising lessens the noise, as rounds are planned
 DENOISING_COSTS = 0.25  # rounds are denoised again when so much of their number has come to them
@@ -228,6 +229,11 @@ class _Task:
     say: Say
     started: float = field(default_factory=time.perf_counter)
     spent: float = 0.0  # before an interruption
+    learns: bool = False  # see plan.effort.learning
+
+    def least(self, noise: float | None) -> int:
+        """Samples of a round, where there are as many."""
+        return effort.learning(noise) if self.learns else 1
 
     def elapsed(self) -> float:
         return self.spent + time.perf_counter() - self.started
@@ -340,13 +346,14 @@ def _rounds(task: _Task, state: _State, file: Checkpoint, opened: Callable[[], A
             state.decisions = list(on.decisions)
             task.progress("pilot", 0.0)
             state.pilot = pilot(on, task.width, task.height, task.seconds)
-            _measure_bias(task, state, on, source, scene)
+            task.learns = on.learns
+            _measure_bias(task, state, on, source, scene, round_samples)
             goal = _noise_goal(task, state)
             if goal is not None:
                 goal *= DENOISED if task.denoise else 1.0
                 state.pilot = effort.resolved(state.pilot, goal)
             left = None if task.seconds is None else max(1e-3, task.seconds - task.elapsed())
-            planned = effort.schedule(state.pilot, goal, left, most_samples=task.most_samples,
+            planned = effort.schedule(state.pilot, goal, left, most_samples=task.most_samples, least=task.least(goal),
                                       samples=round_samples and min(round_samples, task.most_samples))
             state.samples = planned.samples
             if task.allocate and on.divisible:
@@ -398,9 +405,10 @@ def _allocate(task: _Task, state: _State, on: Stage, goal: float | None, planned
         return planned
     found, gain, state.pilot = allocated
     left = None if task.seconds is None else max(1e-3, task.seconds - task.elapsed())
-    planned = effort.schedule(state.pilot, goal, left, most_samples=task.most_samples)
+    planned = effort.schedule(state.pilot, goal, left, most_samples=task.most_samples, least=task.least(goal))
     state.samples = planned.samples
-    state.regions = found.regions(task.width, task.height, state.samples)
+    least = max(1, min(LEAST_LEARNED, state.samples // 2)) if task.learns else 1
+    state.regions = found.regions(task.width, task.height, state.samples, least)
     counts = [region.samples for region in state.regions]
     state.decisions.append(Decision(
         "allocation", f"{len(counts)} rectangles with {min(counts)} to {max(counts)} samples a pixel in a round",
@@ -564,7 +572,8 @@ def _ladder(task: _Task, state: _State, file: Checkpoint, opened: Callable[[], A
 # --- bias -------------------------------------------------------------------------------------------------------------
 
 
-def _measure_bias(task: _Task, state: _State, on: Stage, source: Preset | bpy.types.Scene, scene: Scene | None) -> None:
+def _measure_bias(task: _Task, state: _State, on: Stage, source: Preset | bpy.types.Scene, scene: Scene | None,
+                  round_samples: int | None = None) -> None:
     """The bias of the stage's small picture into the state; a note where it cannot be known."""
     if task.seconds is not None and task.seconds < LEAST_SECONDS:
         state.notes.append(f"bias is not in this error: it is measured from {LEAST_SECONDS:g} s on")
@@ -575,6 +584,10 @@ def _measure_bias(task: _Task, state: _State, on: Stage, source: Preset | bpy.ty
     if task.engine == CYCLES:
         of_sample = max(state.pilot.sample_seconds * small[0] * small[1] / (task.width * task.height), 1e-7)
         samples = min(4096, max(16, effort.power_of_two(state.pilot.fixed_seconds / of_sample)))
+        if task.learns:  # the fewer samples the more bias: no more than a round will have
+            own = round_samples or effort.schedule(state.pilot, task.error, task.seconds, most_samples=task.most_samples,
+                                                   least=task.least(task.error)).samples
+            samples = min(samples, max(own, LEAST_LEARNED))
     measured = _against_reference if isinstance(source, Preset) else _against_longer if task.engine == CYCLES else _against_finer
     if measured is _against_finer:
         state.notes.append("the error is against what EEVEE comes to with ever finer cells and more samples: a file of your own has no "

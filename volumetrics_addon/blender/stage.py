@@ -18,7 +18,7 @@ from ..plan.model import CYCLES, EEVEE, Decision
 from ..plan.rules import sample_settings
 from ..scene import assemble
 from ..scene.model import Scene
-from . import compat, render, settings
+from . import compat, observe, render, settings
 
 # A user's scene keeps its own settings but for these: denoising, stamps and dither are no light, and the picture is that of the
 # scene's camera. Rounds are independent and equally long too, hence no adaptive sampling and no time limit.
@@ -57,6 +57,12 @@ class Stage:
         """Whether rectangles of the picture may be rendered by themselves: not where the compositor looks beyond a pixel, or the
         scene has a border of its own."""
         return self.engine == CYCLES and not any(_composited(scene) or scene.render.use_border for scene in self.scenes)
+
+    @property
+    def learns(self) -> bool:
+        """Whether a render's first samples tell its others where to scatter, see plan.effort.learning."""
+        return self.engine == CYCLES and compat.current().learns and any(
+            medium.substance.albedo > 0.0 for scene in self.scenes for medium in observe.scene(scene, survey=False).media)
 
     def shoot(self, width: int, height: int, samples: int, seed: int = 0, regions: Sequence[Region] = ()) -> np.ndarray:
         """An image (height, width, 3), float64; ``regions``, which cover it, have their own samples. Raises RenderError."""

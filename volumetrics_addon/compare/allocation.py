@@ -48,9 +48,10 @@ class Allocation:
     cells: tuple[tuple[int, int, int, int], ...]
     deviations: tuple[float, ...]
 
-    def regions(self, width: int, height: int, samples: int) -> list[Region]:
+    def regions(self, width: int, height: int, samples: int, least: int = 1) -> list[Region]:
         """For a picture of this size with ``samples`` a pixel on average, at most; those of a rectangle are a power of two, for the
-        sake of Sobol's sequence, 1 at least and what a round may have at most. Raises ValueError for samples < 1."""
+        sake of Sobol's sequence, ``least`` at least, itself one and no more than ``samples``, and what a round may have at most.
+        Raises ValueError for samples < 1."""
         if samples < 1:
             raise ValueError(f"samples must be >= 1, got {samples}")
         scale = width / self.width, height / self.height
@@ -61,11 +62,11 @@ class Allocation:
         level = float(areas @ deviations / areas.sum())
         share = deviations / level if level > 0.0 else np.ones_like(deviations)
         for step in range(-4, 64):  # eighths of a power of two, from above: the first that is not too many
-            counts = 2.0 ** np.clip(np.round(np.log2(samples * share) - step / 8.0), 0.0, math.log2(MOST_SAMPLES / 2))
+            counts = 2.0 ** np.clip(np.round(np.log2(samples * share) - step / 8.0), math.log2(least), math.log2(MOST_SAMPLES / 2))
             if areas @ counts <= samples * areas.sum():
                 break
         else:
-            counts = np.ones_like(areas)
+            counts = np.full_like(areas, least)
         return [Region(*edge, int(count)) for (edge, _), count in zip(shown, counts)]
 
 
