@@ -81,7 +81,7 @@ def test_samples_go_where_the_noise_is_and_the_error_holds(spot, monkeypatch):
     monkeypatch.setattr(converge, "_measure_bias", lambda *arguments: None)
     with stage.of_scene(spot, "cycles") as on:
         pictures = np.stack([on.shoot(WIDTH, HEIGHT, 64, 700 + index) for index in range(4)])
-        truth = on.shoot(WIDTH, HEIGHT, 8192, 900)
+        truth = on.shoot(WIDTH, HEIGHT, 4096, 900)
     found = allocate(variance_of(pictures, 64), 10.0, 0.05)
     assert len(found.cells) > 4
     schedule = {"error": 1e-6, "denoise": False, "seed": 11, "most_samples": 8 * 64}
