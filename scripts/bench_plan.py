@@ -59,7 +59,8 @@ FULL_HD, LARGE = 1920 * 1080, "planned for HD"
 FEWEST_SAMPLES, USUAL_SAMPLES = 4, 256  # of a pixel, for which the rules are listed: of a small picture, and of a large one
 IDLE = {"persistent data", "passes"}  # rules that change nothing of a single picture
 STOCK_EEVEE_SAMPLES = 64
-FINEST = "1,256"  # pixels across a froxel of EEVEE's truth, and their number along the view
+EEVEE_STEPS = 256  # the most that it takes along the view
+FINEST = f"1,{EEVEE_STEPS}"  # pixels across a froxel of EEVEE's truth, and their number along the view
 MOST_SAMPLES = 16384
 AS_GOOD = 1.01  # times an error
 LONG = 3.0  # processor seconds of a picture that is taken once
@@ -343,8 +344,9 @@ def words(text: str) -> tuple[str, ...]:
 
 def cells(text: str) -> str:
     pixels, _, steps = text.partition(",")
-    if pixels.strip() not in ("1", "2", "4", "8", "16") or not steps.strip().isdecimal() or not 1 <= int(steps) <= 256:
-        raise argparse.ArgumentTypeError(f"{text!r} is not allowed; give pixels across (1, 2, 4, 8 or 16) and steps (1 to 256), such as 2,192")
+    if pixels.strip() not in ("1", "2", "4", "8", "16") or not steps.strip().isdecimal() or not 1 <= int(steps) <= EEVEE_STEPS:
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed; give pixels across (1, 2, 4, 8 or 16) and steps (1 to "
+                                         f"{EEVEE_STEPS}), such as 2,192")
     return text
 
 

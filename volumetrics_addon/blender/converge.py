@@ -72,7 +72,7 @@ ALLOCATION_PICTURES = 4  # of that pilot: two halves, each of which tells a vari
 ALLOCATION_SAMPLES = 1024  # of each, at most
 ALLOCATION_SIZE, ALLOCATION_ENOUGH = 256, 16  # pixels of its longer side at most, which is doubled where so many samples are left
 ALLOCATION_GAIN = 1.2  # in seconds at equal error, at least
-LEAST_LEARNED = 16  # samples of a rectangle of it, and of a picture that tells bias, where renders learn
+LEAST_LEARNED = 16  # samples of a rectangle of it where renders learn, or half of a round's
 TIMED_SHARE = 0.1  # of a short render's time, which its samples are taken to have at least
 DENOISED = 3.0  # by which denoising lessens the noise, as rounds are planned
 DENOISING_COSTS = 0.25  # rounds are denoised again when so much of their number has come to them
@@ -348,13 +348,7 @@ def _rounds(task: _Task, state: _State, file: Checkpoint, opened: Callable[[], A
             state.pilot = pilot(on, task.width, task.height, task.seconds)
             task.learns = on.learns
             _measure_bias(task, state, on, source, scene, round_samples)
-            goal = _noise_goal(task, state)
-            if goal is not None:
-                goal *= DENOISED if task.denoise else 1.0
-                state.pilot = effort.resolved(state.pilot, goal)
-            left = None if task.seconds is None else max(1e-3, task.seconds - task.elapsed())
-            planned = effort.schedule(state.pilot, goal, left, most_samples=task.most_samples, least=task.least(goal),
-                                      samples=round_samples and min(round_samples, task.most_samples))
+            goal, state.pilot, planned = _scheduled(task, state.pilot, _noise_goal(task, state), round_samples)
             state.samples = planned.samples
             if task.allocate and on.divisible:
                 planned = _allocate(task, state, on, goal, planned)
@@ -371,6 +365,17 @@ def _rounds(task: _Task, state: _State, file: Checkpoint, opened: Callable[[], A
                 file.save(state, task.elapsed())
                 saved = time.perf_counter()
             task.progress(*_progress(task, state, took))
+
+
+def _scheduled(task: _Task, known: Pilot, noise: float | None, round_samples: int | None
+               ) -> tuple[float | None, Pilot, effort.Schedule]:
+    """The noise that rounds are planned for where this one is wanted, the pilot resolved for it, and the rounds."""
+    if noise is not None:
+        noise *= DENOISED if task.denoise else 1.0
+        known = effort.resolved(known, noise)
+    left = None if task.seconds is None else max(1e-3, task.seconds - task.elapsed())
+    return noise, known, effort.schedule(known, noise, left, most_samples=task.most_samples, least=task.least(noise),
+                                         samples=round_samples and min(round_samples, task.most_samples))
 
 
 def pilot(on: Stage, width: int, height: int, seconds: float | None = None) -> Pilot:
@@ -585,9 +590,7 @@ def _measure_bias(task: _Task, state: _State, on: Stage, source: Preset | bpy.ty
         of_sample = max(state.pilot.sample_seconds * small[0] * small[1] / (task.width * task.height), 1e-7)
         samples = min(4096, max(16, effort.power_of_two(state.pilot.fixed_seconds / of_sample)))
         if task.learns:  # the fewer samples the more bias: no more than a round will have
-            own = round_samples or effort.schedule(state.pilot, task.error, task.seconds, most_samples=task.most_samples,
-                                                   least=task.least(task.error)).samples
-            samples = min(samples, max(own, LEAST_LEARNED))
+            samples = min(samples, _scheduled(task, state.pilot, task.error, round_samples)[2].samples)
     measured = _against_reference if isinstance(source, Preset) else _against_longer if task.engine == CYCLES else _against_finer
     if measured is _against_finer:
         state.notes.append("the error is against what EEVEE comes to with ever finer cells and more samples: a file of your own has no "

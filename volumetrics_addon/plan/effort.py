@@ -78,7 +78,7 @@ def learning(noise: float | None) -> int:
 
     Blender 5 learns from the samples of a render how much of a pixel's light scatters in media. The second is off, presumably since it
     is stratified against the first that it learned from: n >= 2 samples are LOST / n off in the mean, which no number of rounds
-    mends. They should have LEARNED, and so many that this is a fifth of the noise which is wanted.
+    mends. They should have LEARNED, and so many that this is a fifth of the relative ``noise`` > 0 which is wanted.
     """
     return LEARNED if noise is None else max(LEARNED, math.ceil(LOST / (LOST_SHARE * noise)))
 
