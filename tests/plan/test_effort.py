@@ -63,12 +63,24 @@ def test_rounds_that_learn_are_as_long_as_learning_takes():
     would be more than a fifth of the error."""
     large = Pilot(4.0, 4.0, 0.0)
     assert schedule(large, noise=0.02).samples == 2
-    assert schedule(large, noise=0.02, least=64).samples == 64
-    assert schedule(large, noise=0.2, least=64) == schedule(large, noise=0.2, least=1 << 20)  # 100 samples in all
-    assert schedule(large, noise=0.2, least=64).samples == 8 and schedule(large, noise=0.2, least=64).rounds == 13
-    assert schedule(large, noise=0.02, seconds=100.0, least=64).seconds <= 100.0
-    assert schedule(PLAIN, noise=0.02, least=64) == schedule(PLAIN, noise=0.02)  # is longer anyway
-    assert [effort.learning(noise) for noise in (None, 0.1, 0.01, 0.001)] == [64, 64, 64, 300]
+    assert schedule(large, noise=0.02, learns=True).samples == 64
+    assert schedule(large, noise=0.2, learns=True).samples == 8 and schedule(large, noise=0.2, learns=True).rounds == 13  # 100 in all
+    assert schedule(large, noise=0.02, seconds=100.0, learns=True).seconds <= 100.0
+    assert schedule(PLAIN, noise=0.02, learns=True) == schedule(PLAIN, noise=0.02)  # is longer anyway
+    assert [effort.unbiased(noise) for noise in (1.0, 0.1, 0.01, 0.001)] == [1, 4, 32, 512]
+    assert schedule(large, noise=0.001, learns=True).samples == 512
+
+
+def test_rounds_that_may_be_denoised_are_no_darker_than_without_it():
+    """A third of the noise takes a ninth of the samples, in eight rounds as short; but where they learn, as long as the error itself
+    wants them, or as leaves eight rounds of the samples that are due without denoising."""
+    quiet = Pilot(0.02, 4.0, 0.0)
+    assert schedule(quiet, noise=0.01).samples == schedule(quiet, noise=0.01, denoised=3.0).samples == 2  # 200 samples, or 22: ten seconds
+    for noise, due, samples, rounds in ((0.01, 200, 16, 8), (0.03, 22.22, 2, 8), (0.001, 20000, 512, 8)):
+        assert due == pytest.approx(quiet.variance / noise**2, rel=1e-3) and samples <= due / 8
+        planned = schedule(quiet, noise=noise, learns=True, denoised=3.0)
+        assert (planned.samples, planned.rounds) == (samples, rounds)
+        assert samples >= 0.06 / (0.2 * noise) or 2 * samples > due / 8
 
 
 def test_stratified_samples_count_as_what_they_are():

@@ -229,11 +229,12 @@ class _Task:
     say: Say
     started: float = field(default_factory=time.perf_counter)
     spent: float = 0.0  # before an interruption
-    learns: bool = False  # see plan.effort.learning
+    learns: bool = False  # see plan.effort.unbiased
 
-    def least(self, noise: float | None) -> int:
-        """Samples of a round, where there are as many."""
-        return effort.learning(noise) if self.learns else 1
+    @property
+    def denoised(self) -> float:
+        """By what denoising is hoped to divide the noise."""
+        return DENOISED if self.denoise else 1.0
 
     def elapsed(self) -> float:
         return self.spent + time.perf_counter() - self.started
@@ -348,7 +349,9 @@ def _rounds(task: _Task, state: _State, file: Checkpoint, opened: Callable[[], A
             state.pilot = pilot(on, task.width, task.height, task.seconds)
             task.learns = on.learns
             _measure_bias(task, state, on, source, scene, round_samples)
-            goal, state.pilot, planned = _scheduled(task, state.pilot, _noise_goal(task, state), round_samples)
+            goal = _noise_goal(task, state)
+            state.pilot = _resolved(task, state.pilot, goal)
+            planned = _scheduled(task, state.pilot, goal, round_samples)
             state.samples = planned.samples
             if task.allocate and on.divisible:
                 planned = _allocate(task, state, on, goal, planned)
@@ -367,15 +370,15 @@ def _rounds(task: _Task, state: _State, file: Checkpoint, opened: Callable[[], A
             task.progress(*_progress(task, state, took))
 
 
-def _scheduled(task: _Task, known: Pilot, noise: float | None, round_samples: int | None
-               ) -> tuple[float | None, Pilot, effort.Schedule]:
-    """The noise that rounds are planned for where this one is wanted, the pilot resolved for it, and the rounds."""
-    if noise is not None:
-        noise *= DENOISED if task.denoise else 1.0
-        known = effort.resolved(known, noise)
+def _scheduled(task: _Task, known: Pilot, noise: float | None, round_samples: int | None = None) -> effort.Schedule:
+    """The rounds for this noise, in the time that is left."""
     left = None if task.seconds is None else max(1e-3, task.seconds - task.elapsed())
-    return noise, known, effort.schedule(known, noise, left, most_samples=task.most_samples, least=task.least(noise),
-                                         samples=round_samples and min(round_samples, task.most_samples))
+    return effort.schedule(known, noise, left, most_samples=task.most_samples, learns=task.learns, denoised=task.denoised,
+                           samples=round_samples and min(round_samples, task.most_samples))
+
+
+def _resolved(task: _Task, known: Pilot, noise: float | None) -> Pilot:
+    return known if noise is None else effort.resolved(known, noise * task.denoised)
 
 
 def pilot(on: Stage, width: int, height: int, seconds: float | None = None) -> Pilot:
@@ -409,8 +412,7 @@ def _allocate(task: _Task, state: _State, on: Stage, goal: float | None, planned
     if allocated is None:
         return planned
     found, gain, state.pilot = allocated
-    left = None if task.seconds is None else max(1e-3, task.seconds - task.elapsed())
-    planned = effort.schedule(state.pilot, goal, left, most_samples=task.most_samples, least=task.least(goal))
+    planned = _scheduled(task, state.pilot, goal)
     state.samples = planned.samples
     least = max(1, min(LEAST_LEARNED, state.samples // 2)) if task.learns else 1
     state.regions = found.regions(task.width, task.height, state.samples, least)
@@ -590,7 +592,7 @@ def _measure_bias(task: _Task, state: _State, on: Stage, source: Preset | bpy.ty
         of_sample = max(state.pilot.sample_seconds * small[0] * small[1] / (task.width * task.height), 1e-7)
         samples = min(4096, max(16, effort.power_of_two(state.pilot.fixed_seconds / of_sample)))
         if task.learns:  # the fewer samples the more bias: no more than a round will have
-            samples = min(samples, _scheduled(task, state.pilot, task.error, round_samples)[2].samples)
+            samples = min(samples, _scheduled(task, _resolved(task, state.pilot, task.error), task.error, round_samples).samples)
     measured = _against_reference if isinstance(source, Preset) else _against_longer if task.engine == CYCLES else _against_finer
     if measured is _against_finer:
         state.notes.append("the error is against what EEVEE comes to with ever finer cells and more samples: a file of your own has no "
