@@ -205,7 +205,9 @@ def test_a_plan_of_eevee_has_a_pilot_where_something_follows(street, monkeypatch
     assert froxels(pixels=96 * 54) == froxels(pixels=96 * 54, pilot=True) != {} and asked == []
     assert froxels(pixels=1920 * 1080) == {} and asked == []
     assert froxels(pixels=1920 * 1080, pilot=True)["eevee.shadow_pool_size"] == "1024" and asked == [1920 * 1080]
+    assert froxels(pixels=1920 * 1080, pilot=True, again=False) and len(asked) == 1
+    assert froxels(pixels=1600 * 900, pilot=True, again=False) and len(asked) == 2
     street.camera.keyframe_insert("location", frame=1)  # a camera that moves sees other shadows later
     street.camera.location.x += 1.0
     street.camera.keyframe_insert("location", frame=20)
-    assert froxels(pixels=1920 * 1080, pilot=True) == {} and len(asked) == 1
+    assert froxels(pixels=1920 * 1080, pilot=True) == {} and len(asked) == 2

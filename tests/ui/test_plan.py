@@ -8,7 +8,7 @@ import bpy
 import pytest
 
 from volumetrics_addon.bench import usual
-from volumetrics_addon.blender import compat, tuning
+from volumetrics_addon.blender import compat, pilot, tuning
 from volumetrics_addon.ui.plan import VOLUMETRICS_PT_plan
 
 
@@ -62,8 +62,11 @@ def test_finding_changes_nothing_and_lists_the_rules(state):
     assert scene.cycles.volume_bounces == 100 and not tuning.is_applied(scene)
 
 
-def test_a_pilot_is_rendered_where_it_is_asked_for(state):
-    """With the pilot a noise threshold is found, applied and brought back; EEVEE has none."""
+def test_a_pilot_is_rendered_where_it_is_asked_for(state, monkeypatch):
+    """With the pilot a noise threshold is found, applied and brought back; applying takes what finding has measured, unless the scene
+    has changed. Both engines have pilots."""
+    measured, measure = [], pilot.measure
+    monkeypatch.setattr(pilot, "measure", lambda *arguments: measured.append(arguments) or measure(*arguments))
     usual.by_name("spot-haze").build()
     scene, state = bpy.context.scene, bpy.context.window_manager.volumetrics_plan
     scene.render.engine, scene.cycles.samples = "CYCLES", 256
@@ -75,10 +78,13 @@ def test_a_pilot_is_rendered_where_it_is_asked_for(state):
         assert ("noise threshold" in state.advice) == wanted
     assert scene.cycles.adaptive_threshold == pytest.approx(0.01)
     assert bpy.ops.volumetrics.plan_apply() == {"FINISHED"} and scene.cycles.adaptive_threshold > 0.0105
+    assert bpy.ops.volumetrics.plan_apply() == {"FINISHED"} and len(measured) == 1
     assert bpy.ops.volumetrics.plan_restore() == {"FINISHED"}
     assert scene.cycles.adaptive_threshold == pytest.approx(0.01)
+    next(lamp for lamp in scene.objects if lamp.type == "LIGHT").location.x += 0.1
+    assert bpy.ops.volumetrics.plan_apply() == {"FINISHED"} and len(measured) == 2
     scene.render.engine = compat.current().eevee
-    assert "pilot" not in drawn()
+    assert "pilot" in drawn()
 
 
 def test_rules_switched_off_stay_off(state):

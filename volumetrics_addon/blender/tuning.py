@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +16,7 @@ import bpy
 
 from ..plan import tuning
 from ..plan.model import EEVEE
-from ..plan.observed import Cells
+from ..plan.observed import Cells, Noise, Observed
 from ..plan.tuning import Advice, Change
 from . import observe, settings
 from . import pilot as pilots
@@ -27,32 +27,54 @@ EXCLUDES = "excludes"
 
 
 def plan(scene: bpy.types.Scene, error: float = tuning.TARGET, without: Collection[str] = (), *,
-         samples: int | None = None, pixels: float | None = None, pilot: bool = False) -> list[Advice]:
+         samples: int | None = None, pixels: float | None = None, pilot: bool = False, again: bool = True) -> list[Advice]:
     """The advice for the scene as it is now, within the relative error; see ``plan.tuning.tune``. Nothing is changed.
 
     ``samples`` of the picture that is to be rendered, and ``pixels``: its size, where these are not those of the scene's own
     settings. With ``pilot`` its noise is measured where that pays, with what the plan changes: small pictures are rendered, and in
-    EEVEE large ones of few samples with finer cells; raises RenderError when the engine writes none.
+    EEVEE large ones of few samples with finer cells; raises RenderError when the engine writes none. Unless ``again``, what the last
+    pilot has measured of the scene is taken where all that is observed of it, and what would be changed, are the same.
     """
     observed = observe.scene(scene, samples=samples, pixels=pixels)
     advice = tuning.tune(observed, error, without)
-    if pilot and observed.engine == EEVEE and scene.camera is not None:
+    if not pilot or scene.camera is None:
+        return advice
+    if observed.engine == EEVEE:
         # where noise and time are no matter: what a pilot would have to try
         trial = tuning.tune(replace(observed, cells=Cells(math.inf, 0.0, 1.0, 0.0)), error, without)
-        cells = pilots.cells(scene, observed.pixels, trial) if trial != advice else None
+        if trial == advice:
+            return advice
+        cells = _measured(scene, observed, trial, again, lambda: pilots.cells(scene, observed.pixels, trial))
         return tuning.tune(replace(observed, cells=cells), error, without)
     marched = any(change.path == "cycles.volume_biased" for found in advice for change in found.changes)
-    if not pilot or NOISE_RULE in without or scene.camera is None or not (size := pilots.size(observed, marched)):
+    if NOISE_RULE in without or not (size := pilots.size(observed, marched)):
         return advice
+    noise = _measured(scene, observed, advice, again, lambda: _noise(scene, advice, size))
+    return tuning.tune(replace(observed, noise=noise), error, without)
+
+
+_last: tuple[Any, Noise | Cells | None] | None = None  # what a pilot was rendered for, and what it has told
+
+
+def _measured(scene: bpy.types.Scene, observed: Observed, advice: Sequence[Advice], again: bool,
+              measure: Callable[[], Noise | Cells | None]) -> Noise | Cells | None:
+    global _last
+    what = scene.session_uid, observed, [change for found in advice for change in found.changes]
+    if again or _last is None or _last[0] != what:
+        _last = what, measure()
+    return _last[1]
+
+
+def _noise(scene: bpy.types.Scene, advice: Sequence[Advice], size: tuple[int, int]) -> Noise:
+    """Of the scene with the advice, or with the plan that it has."""
     planned = is_applied(scene)
     try:
         if not planned:
             apply(scene, advice)
-        noise = pilots.measure(scene, *size)
+        return pilots.measure(scene, *size)
     finally:
         if not planned:
             restore(scene)
-    return tuning.tune(replace(observed, noise=noise), error, without)
 
 
 def apply(scene: bpy.types.Scene, advice: Sequence[Advice]) -> None:

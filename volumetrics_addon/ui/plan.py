@@ -72,7 +72,7 @@ class VOLUMETRICS_OT_plan_apply(UndoStep, bpy.types.Operator):
 
         of_scene.restore(context.scene)  # what an earlier plan has left out is looked at again
         state = context.window_manager.volumetrics_plan
-        advice = of_scene.plan(context.scene, state.error / 100.0, switched_off(context), pilot=state.pilot)
+        advice = of_scene.plan(context.scene, state.error / 100.0, switched_off(context), pilot=state.pilot, again=False)
         if not advice:
             self.report({"INFO"}, "No rule that is switched on finds anything to leave out")
         of_scene.apply(context.scene, advice)
@@ -107,8 +107,7 @@ class VOLUMETRICS_PT_plan(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         state, layout = context.window_manager.volumetrics_plan, self.layout
         layout.prop(state, "error")
-        if context.scene.render.engine == "CYCLES":
-            layout.prop(state, "pilot")
+        layout.prop(state, "pilot")
         layout.operator("volumetrics.plan", icon="VIEWZOOM")
         if state.scene != context.scene.name:
             return
