@@ -86,6 +86,7 @@ def test_a_longer_time_goes_on_where_a_shorter_one_ended(tmp_path, monkeypatch):
     assert second.noise == pytest.approx(first.noise * math.sqrt(10 / 15), rel=0.3)
 
 
+@pytest.mark.either
 def test_a_checkpoint_of_another_render_is_not_used(tmp_path, monkeypatch):
     without_bias(monkeypatch)
     file, said = tmp_path / "x.npz", []
@@ -98,6 +99,7 @@ def test_a_checkpoint_of_another_render_is_not_used(tmp_path, monkeypatch):
     assert converge.render(GLASS, "cycles", 6, 6, **wanted).resumed_rounds == 0 and "cannot be read" in said[-1]
 
 
+@pytest.mark.either
 def test_the_stated_error_holds_against_a_long_render():
     made = converge.render(GLASS, "cycles", 12, 12, error=0.08)
     truth = render.render(GLASS, verify.scene_of(GLASS), "cycles", 12, 12, 16384, seed=1 << 20).images[0]  # noise below 0.4 %
@@ -192,6 +194,7 @@ def test_a_scene_is_as_it_was_afterwards_and_counts_every_sample(scene):
     assert np.mean((few - other) ** 2) > 10.0 * np.mean((many - other) ** 2) > 0.0
 
 
+@pytest.mark.either
 def test_a_clamp_shows_as_bias(scene):
     """Light through a clamp is lost whatever the samples: the longer pilot without it sees how much."""
     honest = converge.render(scene, "cycles", 20, 10, error=0.05)

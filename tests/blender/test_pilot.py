@@ -41,6 +41,7 @@ def noise(made):
     return math.sqrt(made.var(axis=0, ddof=1).mean()) / made.mean()
 
 
+@pytest.mark.either
 def test_a_pilot_tells_the_noise_of_a_picture_of_more_pixels_and_samples(spot):
     scene = usual.by_name("cathedral").build()
     scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "CYCLES", WIDTH, HEIGHT

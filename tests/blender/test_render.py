@@ -145,12 +145,13 @@ MULTIPLE, SINGLE = 0.005, 0.001
 # Optically thick, so that a sample takes seconds: these are verified with the long sweeps.
 THICK = {"congestus", "storm", "stratus", "stratocumulus"}
 # Their references take half a minute and more: fine gobos, layers of fog among many bodies, air with bodies in it. In water that
-# scatters forward a sun is noisy.
+# scatters forward a sun is noisy; a low one lights air through many orders.
 SLOW = {"underwater-shafts", "forest-shafts", "cathedral-window", "stadium", "two-layer", "city-haze", "light-haze", "amber-bottle",
         "underwater", "lighthouse", "high-altitude", "mars", "dusty-attic",
-        "window-shafts", "hazy-city", "golden-hour"}
+        "window-shafts", "hazy-city", "golden-hour", "clear-sunset"}
 SAMPLES = {"headlights": 1024, "dusty-attic": 512, "forest-shafts": 512}  # narrow beams seen from beside, shafts in dim places
-RAYS = {"dusty-attic": 256, "lighthouse": 100}  # of the reference: a path tracer's in a dim room, a narrow beam
+# Of the reference: a path tracer's in a dim room, a narrow beam, a slide; skies come from tables, and are smooth.
+RAYS = {"dusty-attic": 256, "lighthouse": 100, "slide-projector": 16, "clear-noon": 4, "clear-sunset": 4}
 
 
 @pytest.mark.either

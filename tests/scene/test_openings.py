@@ -94,12 +94,22 @@ def size(parts):
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 1), (2, 2), (3, 4), (5, 5)])
 def test_a_lattice_is_one_opening(shape):
+    """Whatever the order of its faces, and whichever way they look."""
     faces, points = lattice(*shape)
-    order = RNG.permutation(len(faces))
-    flipped = [faces[k] if k % 2 else faces[k][::-1] for k in order]
-    (part,) = convex_parts(flipped, points, DOWN)
-    assert len(part) == 4 and is_convex(part)
-    assert size([part]) == pytest.approx(shape[0] * 0.7 * shape[1] * math.hypot(0.5, 0.15), rel=1e-9)
+    for seed in range(20):
+        order = np.random.default_rng(seed).permutation(len(faces))
+        flipped = [faces[k] if k % 2 else faces[k][::-1] for k in order]
+        (part,) = convex_parts(flipped, points, DOWN)
+        assert len(part) == 4 and is_convex(part)
+        assert size([part]) == pytest.approx(shape[0] * 0.7 * shape[1] * math.hypot(0.5, 0.15), rel=1e-9)
+
+
+def test_a_frame_around_a_hole_keeps_its_hole():
+    """Eight of the nine squares of a lattice: two outlines, so that pairs are joined instead."""
+    faces, points = lattice(3, 3)
+    parts = convex_parts(faces[:4] + faces[5:], points, DOWN)
+    assert all(map(is_convex, parts)) and len(parts) == 4
+    assert size(parts) == pytest.approx(8 * 0.7 * math.hypot(0.5, 0.15) * APART**2, rel=1e-9)
 
 
 def test_triangles_of_a_polygon_are_one_opening():

@@ -56,21 +56,7 @@ def convex_parts(polygons: Sequence[tuple[int, ...]], points: Sequence[Vector], 
     Parts that still share a side are drawn in a little, so that they stay apart.
     """
     loops = [tuple(p) if dot(area([points[i] for i in p]), direction) > 0.0 else tuple(reversed(p)) for p in polygons]
-    joined = True
-    while joined:
-        joined = False
-        owner = {side: k for k, loop in enumerate(loops) if loop for side in _sides(loop)}
-        for k in range(len(loops)):
-            for a, b in _sides(loops[k]):
-                other = owner.get((b, a))
-                if other is None or other == k or not loops[other] or (a, b) not in _sides(loops[k]):
-                    continue
-                union = _union(loops[k], loops[other], a, b)
-                corners = [points[i] for i in union]
-                if union and is_flat(corners) and is_convex(corners):
-                    loops[k], loops[other], joined = union, (), True
-                    owner.update({side: k for side in _sides(union)})
-    loops = [loop for loop in loops if loop]
+    loops = [loop for group in _planes(loops, points) for loop in _convex(group, points)]
     sides = {side for loop in loops for side in _sides(loop)}
     parts = []
     for loop in loops:
@@ -80,6 +66,62 @@ def convex_parts(polygons: Sequence[tuple[int, ...]], points: Sequence[Vector], 
             part = tuple(add(center, scaled(subtract(corner, center), APART)) for corner in part)
         parts.append(part)
     return parts
+
+
+def _planes(loops: list[tuple[int, ...]], points: Sequence[Vector]) -> list[list[tuple[int, ...]]]:
+    """The loops in groups, each of neighbours that lie in one plane."""
+    owner = {side: k for k, loop in enumerate(loops) for side in _sides(loop)}
+    left, groups = dict.fromkeys(range(len(loops))), []
+    while left:
+        group = [next(iter(left))]
+        del left[group[0]]
+        for k in group:  # grows meanwhile
+            for a, b in _sides(loops[k]):
+                other = owner.get((b, a))
+                union = _union(loops[k], loops[other], a, b) if other in left else ()
+                if union and is_flat([points[i] for i in union]):
+                    del left[other]
+                    group.append(other)
+        groups.append([loops[k] for k in group])
+    return groups
+
+
+def _convex(loops: list[tuple[int, ...]], points: Sequence[Vector]) -> list[tuple[int, ...]]:
+    """Convex loops that cover the given ones of one plane: the outline of all, where it is one, else pairs as they come."""
+    if _fits(outline := _outline(loops), points):
+        return [outline]
+    loops, joined = list(loops), True
+    while joined:
+        joined = False
+        owner = {side: k for k, loop in enumerate(loops) if loop for side in _sides(loop)}
+        for k in range(len(loops)):
+            for a, b in _sides(loops[k]):
+                other = owner.get((b, a))
+                if other is None or other == k or not loops[other] or (a, b) not in _sides(loops[k]):
+                    continue
+                if _fits(union := _union(loops[k], loops[other], a, b), points):
+                    loops[k], loops[other], joined = union, (), True
+                    owner.update({side: k for side in _sides(union)})
+    return [loop for loop in loops if loop]
+
+
+def _fits(loop: tuple[int, ...], points: Sequence[Vector]) -> bool:
+    corners = [points[i] for i in loop]
+    return bool(loop) and is_flat(corners) and is_convex(corners)
+
+
+def _outline(loops: list[tuple[int, ...]]) -> tuple[int, ...]:
+    """The loop around all; empty where there are several, or sides that more than two share."""
+    sides = [side for loop in loops for side in _sides(loop)]
+    have = set(sides)
+    rim = [(a, b) for a, b in sides if (b, a) not in have]
+    after = dict(rim)
+    if len(have) < len(sides) or len(after) < len(rim) or not rim:
+        return ()
+    loop = [rim[0][0]]
+    while (corner := after[loop[-1]]) != loop[0]:
+        loop.append(corner)
+    return tuple(loop) if len(loop) == len(rim) else ()
 
 
 def _sides(loop: tuple[int, ...]) -> list[tuple[int, int]]:

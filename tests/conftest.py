@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What says the same in every Blender takes turns: it runs with one of them, and with the other in the sweeps.
+
+These are long tests that are marked so, and all tests of folders whose code has nothing of Blender in it.
+"""
+
+import hashlib
+import sys
+from pathlib import Path
+
+import pytest
+
+NO_BLENDER = {"compare", "physics", "reference", "scene", "stability"}
+TURN = sys.version_info[1] // 2 % 2  # 3.11 and 3.13, of which each has a Blender
+
+
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
+def pytest_collection_modifyitems(items):
+    for item in items:
+        folder = item.path.relative_to(Path(__file__).parent).parts[0]
+        if (folder in NO_BLENDER or item.get_closest_marker("either")) and \
+                hashlib.sha256(item.nodeid.encode()).digest()[-1] % 2 == TURN:
+            item.add_marker(pytest.mark.sweep)
