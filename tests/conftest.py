@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 NO_BLENDER = {"compare", "physics", "reference", "scene", "stability"}
-TURN = sys.version_info[1] // 2 % 2  # 3.11 and 3.13, of which each has a Blender
+TURN = int(sys.version_info < (3, 12))  # of two Pythons, each of which has a Blender
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks

@@ -67,7 +67,7 @@ def test_rounds_that_learn_are_as_long_as_learning_takes():
     assert schedule(large, noise=0.2, learns=True).samples == 8 and schedule(large, noise=0.2, learns=True).rounds == 13  # 100 in all
     assert schedule(large, noise=0.02, seconds=100.0, learns=True).seconds <= 100.0
     assert schedule(PLAIN, noise=0.02, learns=True) == schedule(PLAIN, noise=0.02)  # is longer anyway
-    assert [effort.unbiased(noise) for noise in (1.0, 0.1, 0.01, 0.001)] == [1, 4, 32, 512]
+    assert [effort.learned_samples(noise) for noise in (1.0, 0.1, 0.01, 0.001)] == [1, 4, 32, 512]
     assert schedule(large, noise=0.001, learns=True).samples == 512
 
 

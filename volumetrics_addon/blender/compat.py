@@ -23,7 +23,7 @@ class Version:
     exr_settings: tuple[tuple[str, str], ...]  # image settings that select one EXR, in this order
     use_nodes: bool  # materials, worlds and lights have to be told to use nodes
     homogeneous_flag: bool  # materials declare a homogeneous volume; later versions find out by themselves
-    learns: bool  # Cycles learns from a render's samples where rays scatter in media, see plan.effort.unbiased
+    learns: bool  # Cycles learns from a render's samples where rays scatter in media, see plan.effort.learned_samples
     volume_biased: bool  # ray marching is an option beside unbiased null-scattering; before, it is the only way
     cell_hash: str  # random points of the Voronoi texture, see scene.model.NoiseShape
     compositing_group: bool  # the compositor's nodes are a node group that scenes use; before, a tree of the scene's own

@@ -229,7 +229,7 @@ class _Task:
     say: Say
     started: float = field(default_factory=time.perf_counter)
     spent: float = 0.0  # before an interruption
-    learns: bool = False  # see plan.effort.unbiased
+    learns: bool = False  # see plan.effort.learned_samples
 
     @property
     def denoised(self) -> float:

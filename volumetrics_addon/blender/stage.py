@@ -60,7 +60,7 @@ class Stage:
 
     @property
     def learns(self) -> bool:
-        """Whether a render's first samples tell its others where to scatter, see plan.effort.unbiased."""
+        """Whether a render's first samples tell its others where to scatter, see plan.effort.learned_samples."""
         return self.engine == CYCLES and compat.current().learns and any(
             medium.substance.albedo > 0.0 for scene in self.scenes for medium in observe.scene(scene, survey=False).media)
 

@@ -22,7 +22,7 @@ OVERHEAD = 0.1  # of a round's time, at most, for what each render does once
 TYPICAL_ROUND = 64  # samples for which a picture is planned, before a pilot has found those of a round
 ROUND_SECONDS = 10.0  # an interruption costs a round: it is no longer than this where its overhead, and what it learns, allow
 CONFIDENCE = 0.95
-# Where renders learn (see unbiased), measured in Blender 5.2 by scripts/few_samples.py: the second sample of a pixel is 6 % too dark on
+# Where renders learn (see learned_samples), measured in Blender 5.2 by scripts/few_samples.py: the second sample of a pixel is 6 % too dark on
 # foggy-street, 3 % on spot-haze; the variance of a sample falls to 0.4 and 0.3 of the first's by the 64th and little beyond.
 LEARNED, LOST, LOST_SHARE = 64, 0.06, 0.2
 
@@ -73,8 +73,8 @@ def samples_for(variance_of_sample: float, noise: float) -> float:
     return variance_of_sample / noise**2
 
 
-def unbiased(noise: float) -> int:
-    """Samples, a power of two, whose bias is a fifth of the relative ``noise`` > 0 where renders learn.
+def learned_samples(noise: float) -> int:
+    """Samples of a render, a power of two, whose bias is a fifth of the relative ``noise`` > 0 where renders learn.
 
     Blender 5 learns from the samples of a render how much of a pixel's light scatters in media. The second is off, presumably since it
     is stratified against the first that it learned from: n >= 2 samples are LOST / n off in the mean, which no number of rounds mends.
@@ -89,20 +89,20 @@ def schedule(pilot: Pilot, noise: float | None = None, seconds: float | None = N
     A round has a power of two of samples, for the sake of Sobol's sequence: so many that the fixed cost of a render is below a
     tenth of it, and as many as fit into ten seconds, but no more than leaves eight rounds. Where the fixed cost alone leaves fewer
     rounds, it is the rounds that fit, two at least. Where renders learn (``learns``) a round has LEARNED samples however long they take,
-    and those of ``unbiased``. ``denoised``: what the noise is hoped to be divided by when the rounds have ended; eight rounds of
-    ``unbiased`` length are rendered nevertheless where it takes them without that hope. ``samples`` gives the samples of a round instead.
+    and those of ``learned_samples``. ``denoised``: what the noise is hoped to be divided by when the rounds have ended; eight rounds of
+    ``learned_samples`` length are rendered nevertheless where it takes them without that hope. ``samples`` gives the samples of a round instead.
     """
     if noise is None and seconds is None:
         raise ValueError("neither an error nor a time is given; give one of them")
     step, fixed = max(pilot.sample_seconds, 1e-9), pilot.fixed_seconds
     total = plain = float(most_samples)
     if noise is not None:
-        total, plain = (min(total, max(1.0, samples_for(pilot.variance, wanted))) for wanted in (noise * denoised, noise))
+        total, plain = (min(total, max(1.0, samples_for(pilot.variance, goal))) for goal in (noise * denoised, noise))
     if samples is None:
         wanted = max(fixed / step * (1.0 / OVERHEAD - 1.0), (ROUND_SECONDS - fixed) / step, LEARNED if learns else 1)
         wanted = min(wanted, total / ROUNDS)
         if learns and noise is not None:
-            wanted = max(wanted, min(unbiased(noise), plain / ROUNDS))
+            wanted = max(wanted, min(learned_samples(noise), plain / ROUNDS))
         if seconds is not None:
             rounds = min(ROUNDS, max(2, int(seconds / (fixed + step))))
             wanted = min(wanted, (seconds / rounds - fixed) / step)
