@@ -22,8 +22,8 @@ OVERHEAD = 0.1  # of a round's time, at most, for what each render does once
 TYPICAL_ROUND = 64  # samples for which a picture is planned, before a pilot has found those of a round
 ROUND_SECONDS = 10.0  # an interruption costs a round: it is no longer than this where its overhead, and what it learns, allow
 CONFIDENCE = 0.95
-# Where renders learn (see learned_samples), measured in Blender 5.2 by scripts/few_samples.py: the second sample of a pixel is 6 % too dark on
-# foggy-street, 3 % on spot-haze; the variance of a sample falls to 0.4 and 0.3 of the first's by the 64th and little beyond.
+# Where renders learn (see learned_samples), measured in Blender 5.2 by scripts/few_samples.py: the second sample of a pixel is 6 % too
+# dark on foggy-street, 3 % on spot-haze; the variance of a sample falls to 0.4 and 0.3 of the first's by the 64th and little beyond.
 LEARNED, LOST, LOST_SHARE = 64, 0.06, 0.2
 
 
@@ -74,7 +74,7 @@ def samples_for(variance_of_sample: float, noise: float) -> float:
 
 
 def learned_samples(noise: float) -> int:
-    """Samples of a render, a power of two, whose bias is a fifth of the relative ``noise`` > 0 where renders learn.
+    """Samples of a render, a power of two, whose bias is at most a fifth of the relative ``noise`` > 0 where they learn.
 
     Blender 5 learns from the samples of a render how much of a pixel's light scatters in media. The second is off, presumably since it
     is stratified against the first that it learned from: n >= 2 samples are LOST / n off in the mean, which no number of rounds mends.
@@ -90,7 +90,7 @@ def schedule(pilot: Pilot, noise: float | None = None, seconds: float | None = N
     tenth of it, and as many as fit into ten seconds, but no more than leaves eight rounds. Where the fixed cost alone leaves fewer
     rounds, it is the rounds that fit, two at least. Where renders learn (``learns``) a round has LEARNED samples however long they take,
     and those of ``learned_samples``. ``denoised``: what the noise is hoped to be divided by when the rounds have ended; eight rounds of
-    ``learned_samples`` length are rendered nevertheless where it takes them without that hope. ``samples`` gives the samples of a round instead.
+    ``learned_samples`` are rendered nevertheless where it takes them without that hope. ``samples`` gives those of a round instead.
     """
     if noise is None and seconds is None:
         raise ValueError("neither an error nor a time is given; give one of them")
